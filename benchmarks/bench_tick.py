@@ -1,12 +1,12 @@
-"""Where a controller tick goes: estimator, dynamics, both QPs, walk, codec.
+"""Time of each stage of a controller tick: estimator, dynamics, both QPs, walk, codec.
 
     python -m benchmarks.bench_tick [SCENARIO] [--ticks N]
 
-A table for each phase of a walk; a robot that stands has one.
+It prints one table per phase of a walk, or one table for a robot that stands.
 
-Plant and controller run in one process, as in ``surefoot run --inline``; each stage
-of the controller is timed where it is called, so caches are as cold as in a run. Set
-OPENBLAS_NUM_THREADS=1, as ``surefoot`` does for itself.
+Plant and controller run in one process, as in ``surefoot run --inline``. Each stage of
+the controller is timed where it is called, with caches as cold as in a run. Set
+OPENBLAS_NUM_THREADS=1, as ``surefoot`` does itself.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ class Stopwatch:
     """Collects durations of calls by name, and by phase."""
 
     def __init__(self) -> None:
-        """Start with nothing measured."""
+        """Begin without measurements."""
         self.phase = "stand"
         self.durations_ns: dict[str, dict[str, list[int]]] = {}
 
@@ -43,7 +43,7 @@ class Stopwatch:
         setattr(owner, method, self.timed(original, name))
 
     def timed(self, function: Callable[..., Any], name: str) -> Callable[..., Any]:
-        """Return the function, its calls timed under a name."""
+        """Return the function with its calls timed under a name."""
         durations = self.durations_ns.setdefault(name, {})
         clock = time.perf_counter_ns
 
@@ -56,9 +56,9 @@ class Stopwatch:
         return call
 
     def table(self, phase: str) -> str:
-        """Return lower decile, median, p99 and maximum by name, in a phase [us].
+        """Return a phase's lower decile, median, p99 and maximum by name [us].
 
-        The lower decile is what a noisy machine changes least.
+        A noisy machine changes the lower decile least.
         """
         lines = [f"{phase:<26}{'p10':>9}{'median':>9}{'p99':>9}{'max':>9}   [us]"]
         skipped = WARM_UP_TICKS if phase == "stand" else 0

@@ -1,12 +1,12 @@
-"""What faults of the bus do to a run: every shipped relay plan on two scenarios.
+"""Effect of bus faults on a run: every shipped relay plan on two scenarios.
 
     python -m benchmarks.faults [--inline] [--seeds 1] [--seconds 10] [--jobs 1]
                                 [--plans PLAN...] [--scenarios NAME...] [--out FILE]
 
 Each run is ``surefoot run SCENARIO --realtime --relay PLAN``: robot, relay and
-stabilizer as processes on this machine, one run at a time, since a run that has to
-share its processors measures the machine. ``--inline`` instead puts the same faults
-into simulated time, where the machine does not matter. Writes a Markdown table.
+stabilizer are processes on this machine. One run is done at a time: a run that shares
+its processors measures the machine. With ``--inline`` the same faults act in simulated
+time, where the machine does not matter. Writes a Markdown table.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ from surefoot.signals import read_signals
 SCENARIOS = ("standing", "moving-platform-slow")
 MRAD = 1e3
 ENDED = (0, 1, 5)
-"""Exit codes of runs that tell how they ended: stood, lost command, fell."""
+"""Exit codes of runs that report an outcome: stood, lost command, fell."""
 
 
 def run_once(
@@ -37,7 +37,7 @@ def run_once(
     """Return one run's result object and ``step_mrad``, its largest command step.
 
     Raises:
-        RuntimeError: the run told no result; holds its last words.
+        RuntimeError: the run gave no result; the message quotes its last lines.
     """
     with tempfile.TemporaryDirectory() as folder:
         path, out = Path(folder) / f"{scenario}.toml", Path(folder) / "out"
@@ -50,7 +50,7 @@ def run_once(
 
 
 def outcome(result: dict[str, Any]) -> str:
-    """How a run ended, in the words of its own result."""
+    """Return how a run ended, in the words of its result."""
     said = f"{result['outcome']} {result['outcome_detail']}"
     if result["outcome"] == Outcome.FELL:
         return f"**fell** {result['outcome_detail']}"
@@ -61,7 +61,7 @@ def outcome(result: dict[str, Any]) -> str:
 
 
 def line(plan: str, scenario: str, results: list[dict[str, Any]]) -> str:
-    """Return a line of the table: what the seeds have in common, and their worst."""
+    """Return a line of the table: outcomes and worst figures over the seeds."""
     outcomes = list(dict.fromkeys(outcome(result) for result in results))
     misses = max(r["deadline_misses"] / max(1, r["ticks"]) for r in results)
     errors = [max(r["com_error_max_mm"][i] for r in results) for i in range(3)]

@@ -1,4 +1,4 @@
-"""Draws what ground can do: ``python -m benchmarks.ground_figure``."""
+"""Draws the kinds of ground motion: ``python -m benchmarks.ground_figure``."""
 
 from __future__ import annotations
 
@@ -60,7 +60,7 @@ def sea(axes: Sequence[Axes]) -> None:
 
 
 def shaken(axes: Sequence[Axes]) -> None:
-    """Draw a record: what is in the file, and what the ground does."""
+    """Draw a record: the content of the file, and the motion of the ground."""
     motion = _recorded(load_scenario("strong-motion"))[0]
     track = recorded_track(motion)
     times = SIM_STEP_S * np.arange(len(track.position))
@@ -96,7 +96,7 @@ def _recorded(scenario: Scenario) -> list[RecordedMotion]:
 
 
 def draw(file: Path) -> None:
-    """Draw all of it."""
+    """Draw the whole figure."""
     plt.rcParams["svg.hashsalt"] = "surefoot"
     figure, grid = plt.subplots(4, 2, figsize=(9.0, 9.5), layout="constrained")
     for row, panel in zip(grid, (prts, sea, shaken, pulses), strict=True):

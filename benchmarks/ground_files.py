@@ -1,7 +1,7 @@
-"""Makes the files of ground that shipped scenarios play.
+"""Makes the files of recorded ground motion in shipped scenarios.
 
 ``python -m benchmarks.ground_files`` writes them into the package. They are the same
-every time; a test compares them. Implements the sled pulses of Karekla and Tyler and
+every time; a test compares them. Implements the sled pulses of Karekla, Tyler and
 others as given by Krasna et al. (2021, 10.3389/fbioe.2021.680883), and the spectrum of
 Kanai and Tajimi (1960) under the envelope of Saragoni and Hart (1974).
 """
@@ -19,22 +19,22 @@ from surefoot.schemas.arrays import Array
 from surefoot.sim_robot.catalogue import SCENARIOS_DIR
 
 STEP_S = 0.01
-"""Between samples."""
+"""From sample to sample [s]."""
 HOLD_S, CRUISE_S = 1.0, 2.0
-"""Of a pulse: how long its plateau lasts, and at constant speed after it."""
+"""Duration of a pulse's plateau, and of constant speed after the pulse [s]."""
 STOP_M_S2, STOP_JERK_M_S3 = 0.5, 0.5
-"""How gently a ride ends."""
+"""Deceleration and jerk at the end of a ride [m/s^2, m/s^3]."""
 SHAKEN_S = 24.0
 GROUND_DAMPING = 0.6
-"""Of the layer of soil."""
+"""Damping ratio of the layer of soil."""
 
 
 def passenger_pulse(peak_m_s2: float, *, jerk_m_s3: float) -> tuple[Array, Array]:
-    """Make a pulse of acceleration, as a bus that pulls away; then a gentle stop.
+    """Make the acceleration pulse of a bus that pulls away, then a gentle stop.
 
     Args:
-        peak_m_s2: of the plateau; negative for a bus that brakes.
-        jerk_m_s3: how fast it is reached and left.
+        peak_m_s2: acceleration of the plateau; negative for a bus that brakes.
+        jerk_m_s3: jerk before and after the plateau.
 
     Returns:
         Times [s] and velocities [m/s], each (n,); at rest at both ends.
@@ -63,10 +63,10 @@ def passenger_pulse(peak_m_s2: float, *, jerk_m_s3: float) -> tuple[Array, Array
 def strong_motion(
     *, peak_m_s2: float, ground_hz: float = 2.5, seed: int
 ) -> tuple[Array, Array]:
-    """Make an accelerogram of a strong earthquake that never happened.
+    """Make an artificial accelerogram of a strong earthquake.
 
-    White noise through a layer of soil, under an envelope that rises within a fifth of
-    the time and dies away.
+    White noise passes through a layer of soil, under an envelope that rises within a
+    fifth of the time and decays.
 
     Returns:
         Times [s] and accelerations [m/s^2], each (n,).
@@ -74,7 +74,7 @@ def strong_motion(
     random = np.random.default_rng(np.random.SeedSequence(seed))
     count = round(SHAKEN_S / STEP_S)
     times: Array = STEP_S * np.arange(count + 1, dtype=np.float64)
-    # Saragoni-Hart: at its peak after a fifth of the time, at a twentieth at the end.
+    # Saragoni-Hart: the peak is at a fifth of the time; the end is at a twentieth.
     peak_share, end_level = 0.2, 0.05
     b = (
         -peak_share
@@ -89,7 +89,7 @@ def strong_motion(
     soil = (1.0 + 2j * GROUND_DAMPING * ratio) / (
         1.0 - ratio**2 + 2j * GROUND_DAMPING * ratio
     )
-    # Clough-Penzien: nothing below a fifth of a hertz, where records have none either.
+    # Clough-Penzien: nothing below a fifth of a hertz, as in records.
     slow = (ratio_slow := frequency / 0.2) ** 2 / (
         1.0 - ratio_slow**2 + 1.2j * ratio_slow
     )
@@ -106,7 +106,7 @@ def write_ground(path: Path, times: Array, columns: Mapping[str, Array]) -> None
     Args:
         path: of the file (.csv).
         times: (n,) [s].
-        columns: (n,) by name; shorter ones are continued by their last value.
+        columns: (n,) by name; shorter ones are padded with their last value.
     """
     rows = [",".join(["time_s", *columns])]
     for index, time_s in enumerate(times):

@@ -1,14 +1,14 @@
-"""Other humanoids, from their URDFs to a table of how they stand, untuned.
+"""Other humanoids, made from their URDFs and untuned: a table of how well they stand.
 
-Their URDFs come in wheels of their own, none is part of this project:
+Their URDFs come in separate wheels and are not part of this project:
 ``pip install -e '.[humanoids]'``. Then::
 
     python -m benchmarks.humanoids [--robots jvrc g1] [--cells slow push] [--seeds 2]
 
 makes each robot as ``surefoot new-robot`` does, without an edit, and runs every cell
-with each of its servo profiles: a shipped scenario, scaled to what the robot reaches
-and cut short (``--whole`` runs all of it), or a push from each of eight directions.
-Prints a row for each robot and profile; each fall is named on the other stream.
+with each of its servo profiles. A cell is a shipped scenario, scaled to the robot's
+reach and cut short (``--whole`` runs all of it), or a push from each of eight
+directions. Prints a row per robot and profile; each fall is named on stderr.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ DIRECTIONS_DEG = tuple(range(0, 360, 45))
 
 
 class Cell(NamedTuple):
-    """A column of the table: a shipped scenario, and when it has shown what it can."""
+    """A column of the table: a shipped scenario, and how long it is run."""
 
     scenario: str
     seconds: float
@@ -57,7 +57,7 @@ class NoWheelError(LookupError):
 
 @dataclass(frozen=True)
 class Humanoid:
-    """A robot of a wheel."""
+    """A robot from a wheel."""
 
     wheel: str
     urdf: str
@@ -117,7 +117,7 @@ HUMANOIDS = {
 
 
 def scenarios(robot: Robot, name: str, *, whole: bool) -> tuple[list[Scenario], float]:
-    """The runs of a cell, and the part of the ground's motion that is left of it."""
+    """Return a cell's scenarios, and the remaining share of the ground's motion."""
     cell = CELLS[name]
     shipped = sf.load_scenario(cell.scenario)
     if name == "push":
@@ -150,7 +150,7 @@ def _share(scaled: Scenario, shipped: Scenario) -> float:
 def run_cell(
     robot: Robot, name: str, *, seeds: int, whole: bool
 ) -> tuple[list[bool], str]:
-    """Run a cell; which of its runs stood, and its text in the table."""
+    """Run a cell; return which of its runs stood, and its text in the table."""
     todo, share = scenarios(robot, name, whole=whole)
     stood, worst = [], 0.0
     for scenario in todo:

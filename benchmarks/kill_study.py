@@ -1,12 +1,12 @@
-"""What happens when a process is killed (SIGKILL) at a random moment.
+"""Effect of killing a process (SIGKILL) at a random moment.
 
     python -m benchmarks.kill_study [SCENARIO...] [--kills 20] [--seed 0] [--realtime]
                                     [--robot-kills 10]
 
-Real processes, the same commands a user starts. The stabilizer is killed in each of
-the runs of a scenario, a new one is started at once, and the run goes on to its end:
-what the robot did meanwhile comes from its own record. Then the robot is killed, and
-it is timed how long its stabilizer takes to say so, with and without ``--reconnect``.
+The processes are real: the commands that a user starts. In each run of a scenario the
+stabilizer is killed, a new one is started at once, and the run goes on to its end. The
+robot's own record tells what it did meanwhile. Then the robot is killed, and the time
+until its stabilizer reports it is measured, with and without ``--reconnect``.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ from surefoot.signals import Signals, read_signals
 
 SCENARIOS = ("standing", "moving-platform-slow")
 DURATION_S = 14.0
-"""Of each run: long enough for a new process to start and show that it balances."""
+"""Duration of each run: a new process has time to start and to balance [s]."""
 EARLIEST_S = 1.5
 LATEST_S = 5.0
 ROUNDING_RAD = 1e-12
@@ -41,7 +41,7 @@ UPRIGHT_RAD = math.radians(5.0)
 
 
 class Kill(NamedTuple):
-    """One kill of the stabilizer, and what came of it."""
+    """One kill of the stabilizer, and its consequences."""
 
     tick: int
     hold_ms: float
@@ -53,10 +53,10 @@ class Kill(NamedTuple):
 
 
 class Watch:
-    """The robot's status as everybody can read it."""
+    """Reads the robot's public status."""
 
     def __init__(self, robot: Robot, endpoints: Endpoints) -> None:
-        """Prepare; see :meth:`until`."""
+        """Prepare to watch; see :meth:`until`."""
         self.observer = Observer(
             robot, endpoints=endpoints, channels=("status",), depth=64
         )
@@ -93,7 +93,7 @@ def kill_once(robot: Robot, scenario: Path, pace: str, tick: int, seed: int) -> 
         watch.observer as observer,
         ExitStack() as stack,
     ):
-        observer.connect(timeout_s=60.0)  # first, so as to miss nothing
+        observer.connect(timeout_s=60.0)  # first: it misses nothing
         first = stack.enter_context(Started(folder / "first.log", *dial))
         watch.until(RobotMode.ACTIVE, tick=tick)
         killed_s = time.monotonic()
@@ -139,7 +139,7 @@ def _what_came(
 def study_stabilizer(
     robot: Robot, scenario: str, pace: str, kills: int, seed: int
 ) -> bool:
-    """Kill the stabilizer again and again; whether the robot never jumped."""
+    """Kill the stabilizer again and again; return whether the robot never jumped."""
     rng = np.random.default_rng(seed)
     limit = robot.file.gate.step_limit_rad
     found = []
@@ -184,7 +184,7 @@ def study_stabilizer(
 
 
 def study_robot(pace: str, kills: int, seed: int) -> None:
-    """Kill the robot, and time what its stabilizer says and does."""
+    """Kill the robot, and time its stabilizer's report and reaction."""
     rng = np.random.default_rng(seed)
     robot = load_robot("walker")
     said, back = [], []

@@ -1,13 +1,13 @@
-"""Why some goals are not reached: four figures, each about one limit.
+"""Reasons why some goals are not reached: four figures, each about one limit.
 
     python -m benchmarks.limits FOLDER [--only push] [--seeds 5] [--jobs 2]
 
-``limit-height.svg``: the height on the slow platform over the bandwidth of its filter,
-with and without accelerometer noise. ``limit-pitch.svg``: foot force on swaying ground
-over the feedback in pitch, for three delays of the command. ``limit-push.svg``: CoM and
-centre of pressure after a push along the soles. ``limit-slow.svg``: how fast
-the set-points of slow servos would have to move, and how fast they can. Runs are those
-of ``surefoot sweep``.
+``limit-height.svg``: height error on the slow platform over the bandwidth of its
+filter, with and without accelerometer noise. ``limit-pitch.svg``: foot force on swaying
+ground over the feedback in pitch, for three delays of the command. ``limit-push.svg``:
+CoM and centre of pressure after a push along the soles. ``limit-slow.svg``: required
+and possible speed of the set-points of slow servos. Runs are those of ``surefoot
+sweep``.
 """
 
 from __future__ import annotations
@@ -40,20 +40,20 @@ GROUND = {
     "moving-platform-fast": "fast platform",
 }
 FELL_N = 1e3
-"""Where a case with a fall is drawn [N]."""
+"""Force at which a case with a fall is drawn [N]."""
 RATES_DEG_S = np.linspace(30.0, 180.0, 51)
 SINE_DEG = 8.6
 PUSHED = {"whole-body": "C0", "zmp-tuned": "C1"}
 SEEN_S = (1.9, 4.0)
 EDGE_MM = 10.0
-"""A centre of pressure so near the edge of the soles has no way left to go."""
+"""Distance of the centre of pressure from a sole's edge that counts as used up."""
 FROM_S = 1.0
-"""Errors count from here on."""
+"""Time from which errors count [s]."""
 
 
 @dataclass(frozen=True)
 class Work:
-    """Seeds of every case, and processes."""
+    """Number of seeds of every case, and of processes."""
 
     seeds: int
     jobs: int
@@ -134,7 +134,7 @@ def pitch(work: Work, grid: Any) -> None:
 
 
 def slow(grid: Any) -> None:
-    """Draw how fast slow servos would have to move on swaying ground, and can."""
+    """Draw the speeds that slow servos need on swaying ground, and their limits."""
     robot = load_robot("walker", servo_profile="harmonic")
     profile, axes = robot.servo_profile, grid[0, 0]
     rates = np.radians(RATES_DEG_S)
@@ -158,15 +158,14 @@ def slow(grid: Any) -> None:
 
 
 def _fastest_joint(robot: Robot, axis: int) -> tuple[str, float, float]:
-    """Which joint the ground moves fastest, body at rest.
+    """Find the joint that the ground moves fastest while the body is at rest.
 
     Args:
         robot: in its nominal stance.
         axis: 0 for roll, 1 for pitch of ground under both feet.
 
     Returns:
-        Its name, its rate over the ground's, and damping over stiffness of its servo
-        [s].
+        Its name; its rate over the ground's; damping over stiffness of its servo [s].
     """
     controller = WholeBodyController(robot, build_settings({}, overrides=[]))
     model, dynamics = controller.model, controller.dynamics
@@ -201,7 +200,7 @@ def _words(levels: tuple[float, ...], values: list[float]) -> str:
 
 
 def push(grid: Any) -> None:
-    """Draw CoM and centre of pressure after a push to the front and to the back."""
+    """Draw CoM and centre of pressure after pushes to the front and to the back."""
     for column, (direction, name) in enumerate({0.0: "front", 180.0: "back"}.items()):
         upper, lower = grid[0, column], grid[1, column]
         for variant, colour in PUSHED.items():
@@ -232,7 +231,7 @@ def push(grid: Any) -> None:
 
 
 def _pressure_mm(arrays: dict[str, Array]) -> Array:
-    """Return the centre of pressure of both level soles from their middle, along x."""
+    """Return the centre of pressure of both level soles along x, from their middle."""
     left, right = arrays["true_F"][:, :6], arrays["true_F"][:, 6:]
     force = np.maximum(left[:, 2] + right[:, 2], 1.0)
     pressure: Array = -1e3 * (left[:, 4] + right[:, 4]) / force
@@ -240,7 +239,11 @@ def _pressure_mm(arrays: dict[str, Array]) -> Array:
 
 
 def _reach_mm(com: float) -> tuple[float, float]:
-    """Return heel and toe from a CoM, given from the middle of the soles [mm]."""
+    """Return the places of heel and toe relative to the CoM [mm].
+
+    Args:
+        com: place of the CoM from the middle of the soles [mm].
+    """
     half = 1e3 * load_robot("walker").left.half_length_m
     return -half - com, half - com
 
@@ -277,7 +280,7 @@ def main() -> int:
         draw(grid)
         for axes in grid.flat:
             axes.grid(alpha=0.3)
-        # Beside the plots: inside it would hide curves.
+        # Beside the plots: inside, the legend would hide curves.
         figure.legend(
             *grid[0, 0].get_legend_handles_labels(),
             loc="outside right upper",

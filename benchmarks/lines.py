@@ -1,7 +1,7 @@
-"""Studies by lines: one kind of run each, done with many numbers.
+"""Studies by lines: a line is a kind of run that is done with many numbers.
 
-What a line draws, it draws with the number of the run, which is also the seed of the
-sensor noise. Shares of what stood or walked come with Wilson's 95 % interval.
+The number of a run is the seed of its random draws and of its sensor noise. Shares of
+runs that stood or walked come with Wilson's 95 % interval.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ from surefoot.studies.tables import markdown
 
 @dataclass(frozen=True)
 class LineRun:
-    """One run of a line; a study says what each of its lines is."""
+    """One run of a line; each study defines its lines in a subclass."""
 
     line: str
     number: int
@@ -36,10 +36,10 @@ class LineRun:
     servo_profile: str
 
     figures: ClassVar[tuple[str, ...]] = ()
-    """What is kept of a result, beside what studies keep."""
+    """Figures of a result that are kept in addition to those of all studies."""
 
     def scenario(self) -> Scenario:
-        """Return what happens in it."""
+        """Return the scenario of the run."""
         raise NotImplementedError
 
     @property
@@ -51,16 +51,16 @@ class LineRun:
 
     @property
     def case(self) -> str:
-        """What is run, in words."""
+        """Line and number, in words."""
         return f"{self.line}, run {self.number}"
 
     @property
     def group(self) -> str:
-        """A group of its own: what is drawn is."""
+        """Each run is its own group: its draws are its own."""
         return self.key
 
     def plan(self, *, robot: str, overrides: tuple[str, ...]) -> RunPlan:
-        """Return its plan."""
+        """Return the plan of the run."""
         return plan_in(
             self.scenario(),
             None,
@@ -72,7 +72,7 @@ class LineRun:
         )
 
     def run(self, plan: RunPlan) -> Row:
-        """Run its plan; what was run, and the figures."""
+        """Run the plan; return the row: case and figures."""
         result = run_inline(plan, record=False).result
         figures = msgspec.to_builtins(result)
         return {
@@ -86,7 +86,7 @@ class LineRun:
 
 
 def study_options(about: str | None, *, count: int) -> argparse.ArgumentParser:
-    """Return the options of all such studies, to which one adds its own."""
+    """Return the options common to these studies; each study adds its own."""
     parser = argparse.ArgumentParser(
         description=about, formatter_class=argparse.RawDescriptionHelpFormatter
     )
@@ -103,7 +103,7 @@ def study_options(about: str | None, *, count: int) -> argparse.ArgumentParser:
 def run_all(
     runs: Sequence[LineRun], options: argparse.Namespace, *, title: str
 ) -> list[Row]:
-    """Do the runs that are not kept yet; return the rows of all, and print who fell."""
+    """Do the runs that are not stored yet; return all rows, and print the falls."""
     about = {title: sorted(options.set)}
     place = nullcontext(options.out) if options.out else tempfile.TemporaryDirectory()
     with place as folder, StudyStore(Path(folder), about=about) as store:
@@ -122,7 +122,7 @@ def run_all(
 
 
 def share_in_words(rows: Sequence[Row]) -> str:
-    """Return how many were up at the end, and the interval of that share."""
+    """Return the number of runs that were up at the end, and the share's interval."""
     up = sum(map(is_up, rows))
     low, high = success_interval(up, len(rows))
     return f"{up} of {len(rows)} ({100 * low:.0f} to {100 * high:.0f} %)"
@@ -133,12 +133,12 @@ def pivot(
     cells: dict[tuple[str, str], list[Row]],
     words: Callable[[list[Row]], str],
 ) -> str:
-    """Return a Markdown table of cells in words, by row and column as they first come.
+    """Return a Markdown table, with rows and columns in the order of their first cells.
 
     Args:
-        corner: heads the first column.
-        cells: by row and column; one that is not there has no runs.
-        words: what a cell says.
+        corner: heading of the first column.
+        cells: by row and column; a missing one has no runs.
+        words: gives the text of a cell.
     """
     columns = list(dict.fromkeys(column for _, column in cells))
     rows = [

@@ -1,10 +1,10 @@
-"""What the loss of an ankle sensor leads to: ``degrade`` against ``hold``.
+"""Effect of the loss of an ankle sensor: ``degrade`` against ``hold``.
 
     python -m benchmarks.lost_sensors [--only left "NaN"] [--count 1] [--out FOLDER]
 
-A line is a sensor and how it fails, until the end, in shipped scenarios that are cut
-short. The k-th run has noise seed k. Writes Markdown: the largest error of the centre
-of mass, or the fall.
+A line is a sensor and its fault, which lasts to the end. The scenarios are shipped ones
+that are cut short. The k-th run has noise seed k. Writes Markdown: the largest error of
+the centre of mass, or the fall.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ from surefoot.studies.cell import Row
 
 
 class Ground(NamedTuple):
-    """A scenario, how long it is run, and when the sensor fails [s]."""
+    """A scenario, its duration, and the time at which the sensor fails [s]."""
 
     scenario: str
     duration_s: float
@@ -86,7 +86,7 @@ class LossRun(LineRun):
 
 
 def cell(rows: Sequence[Row]) -> str:
-    """Return outcome and largest error of runs that differ by their seed only."""
+    """Return outcome and largest error of runs that differ only by their seed."""
     falls = [row["fell_at_s"] for row in rows if row["fell"]]
     if falls:
         share = "" if len(falls) == len(rows) else f" {len(falls)} of {len(rows)}"

@@ -1,12 +1,12 @@
-"""Margins against simulation: how much softer K may get until the robot sways.
+"""Margins compared with simulation: how much softer K may get until the robot sways.
 
     python -m benchmarks.margins FOLDER [--robot walker] [--profiles ideal,harmonic]
                                  [--delays 1,2,3] [--jobs 2]
 
-For each servo profile and delay of the loop, K is made softer until the robot, standing
-on firm ground, sways: its wrench errors grow beyond five times what the sensors' noise
-is. ``margins.svg`` and a table compare that with ``surefoot margins``; so do
-delays alone, and trains of missed ticks.
+For each servo profile and delay of the loop, K is made softer until the robot sways on
+firm ground: its wrench errors exceed five times the sensors' noise. ``margins.svg`` and
+a table compare this K with that of ``surefoot margins``. Delays alone and trains of
+missed ticks are compared as well.
 """
 
 from __future__ import annotations
@@ -33,21 +33,21 @@ from surefoot.stabilizer.margins.margins import compute_margins
 
 DURATION_S = 3.0
 SEEN_S = 1.0
-"""Errors of the last second tell."""
+"""Duration at the end of a run over which errors are measured [s]."""
 NOISE_N, NOISE_NM = 0.2, 0.01
-"""Little of it, so that slow drives sway within their speed limit, too: beyond it they
-give way no further, and their feet go on to and fro by a few newtons."""
+"""Low noise: slow drives then also sway within their speed limit. At the limit they do
+not yield further, and the foot forces go to and fro by a few newtons [N, N m]."""
 SWAYS = 5.0 * np.array(([NOISE_N] * 3 + [5.0 * NOISE_NM] * 3) * 2)
-"""Rms of wrench errors beyond noise, of both feet [N, N m]."""
+"""Rms of wrench errors above which the robot sways, both feet [N, N m]."""
 BISECTIONS = 6
 RANGE = 2.0
-"""The factor is looked for within this from the one computed."""
+"""Largest ratio between the computed factor and those that are tried."""
 MOST_TICKS = 12
 LINES, MARKS = ("-", "--"), ("o", "x")
 
 
 class Missing:
-    """A controller whose answers get through only once in a while."""
+    """A controller of which only some answers get through."""
 
     def __init__(self, controller: WholeBodyController, missed: int) -> None:
         """Let one answer through, then miss the next ones."""
@@ -60,7 +60,7 @@ class Missing:
         self._controller.start(snapshot, q_command)
 
     def step(self, snapshot: Snapshot, reference: Reference | None = None) -> Array:
-        """Answer every tick, with an old answer most of the time."""
+        """Answer every tick; missed ticks repeat the last answer that got through."""
         answer = self._controller.step(snapshot, reference)
         if self._tick % (self._missed + 1) == 0:
             self._sent = answer.q_command.copy()
@@ -77,7 +77,7 @@ class Case:
     delay_ticks: int
 
     def load(self) -> Robot:
-        """The robot, with a gate that lets every delay pass."""
+        """Load the robot, with a gate that lets every delay pass."""
         robot = load_robot(self.robot, servo_profile=self.profile)
         gate = msgspec.structs.replace(
             robot.file.gate, max_loop_delay_s=None, max_command_age_s=0.1
@@ -85,11 +85,11 @@ class Case:
         return replace(robot, file=msgspec.structs.replace(robot.file, gate=gate))
 
     def errors(self, factor: float, *, missed: int = 0) -> Array:
-        """Rms of the wrench errors with K times a factor; (12,), infinite if it fell.
+        """Return the rms wrench errors with scaled K: (12,), infinite after a fall.
 
         Args:
             factor: on all of K.
-            missed: ticks missed after each that is answered.
+            missed: number of missed ticks after each answered one.
         """
         robot = self.load()
         settings = softened(factor)
@@ -113,14 +113,14 @@ class Case:
         return rms
 
     def factor(self) -> float:
-        """Factor on K at which it should sway, as computed."""
+        """Return the computed factor on K at which the robot should sway."""
         found = compute_margins(
             self.load(), softened(1.0), delay_ticks=self.delay_ticks
         ).gain_db
         return 0.0 if found is None else float(10.0 ** (-found / 20.0))
 
     def measured_factor(self, computed: float) -> float:
-        """Factor on K at which it sways in simulation, by bisection."""
+        """Return the factor on K at which it sways in simulation, by bisection."""
         low, high = computed / RANGE, computed * RANGE
         for _ in range(BISECTIONS):
             middle = (low * high) ** 0.5
@@ -132,19 +132,19 @@ class Case:
 
 
 def softened(factor: float) -> ControllerSettings:
-    """The default settings with K times a factor."""
+    """Return the default settings with K times a factor."""
     gains = [factor * k for k in build_settings({}, overrides=[]).dik.k_force]
     return build_settings({}, overrides=[f"dik.k_force={gains}"])
 
 
 def both_factors(case: Case) -> tuple[float, float]:
-    """Computed and measured factor of a case."""
+    """Return the computed and the measured factor of a case."""
     computed = case.factor()
     return computed, case.measured_factor(computed)
 
 
 def borne(case: Case) -> dict[str, tuple[int, int]]:
-    """Computed and measured delay, and train of missed ticks, in ticks."""
+    """Return the computed and measured limits of delay and missed ticks [ticks]."""
     robot = case.load()
     found = compute_margins(robot, softened(1.0))
 
@@ -161,12 +161,12 @@ def borne(case: Case) -> dict[str, tuple[int, int]]:
 
 
 def is_calm(rms: Array) -> bool:
-    """Tell whether a robot does not sway, by its errors."""
+    """Return whether wrench errors are those of a robot that does not sway."""
     return bool((rms <= SWAYS).all())
 
 
 def last(holds: Callable[[int], bool], *, first: int) -> int:
-    """The last number, from ``first`` on, up to which something holds."""
+    """Return the last number, from ``first`` on, up to which a condition holds."""
     number = first
     while number < MOST_TICKS and holds(number + 1):
         number += 1

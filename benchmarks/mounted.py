@@ -1,7 +1,7 @@
-"""The Walker with sensors, and a base, mounted elsewhere: the same body throughout.
+"""The Walker with other frames of sensors and base; its body stays the same.
 
-Frames are turned and shifted in its URDF, joints and links may be listed in another
-order. What is in a frame that is moved stays where it is.
+Frames are turned and shifted in its URDF; joints and links may be listed in another
+order. The content of a moved frame stays in its place.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ def placement(
 
 @dataclass(frozen=True)
 class Drawing:
-    """How frames differ: each one in the Walker's frame of the same name.
+    """New frames, each given in the Walker's frame of the same name.
 
     Attributes:
         base: of the floating link.
@@ -51,13 +51,13 @@ def write_mounted(
     joints: Sequence[int] | None = None,
     elements: Sequence[int] | None = None,
 ) -> Path:
-    """Write the two files of such a robot; return the robot file's path.
+    """Write robot file and URDF of such a robot; return the robot file's path.
 
     Args:
-        folder: gets them, named after itself.
-        drawing: how its frames differ.
-        joints: of the Walker, in this one's order; None: in theirs.
-        elements: of the URDF, likewise.
+        folder: gets the files, which have its name.
+        drawing: the new frames.
+        joints: the Walker's joints in the new order; None for the old order.
+        elements: elements of the URDF, likewise.
     """
     walker, name = load_robot("walker"), folder.name
     tree = ElementTree.parse(walker.urdf_path)
@@ -82,11 +82,11 @@ def write_mounted(
 
 
 def _move_frame(root: ElementTree.Element, link: str, moved: pin.SE3) -> None:
-    """Give a link another frame, and leave everything in it where it is.
+    """Give a link another frame, and leave its content in its place.
 
     Args:
-        root: of the URDF.
-        link: its name; a base, or fixed to its parent.
+        root: root of the URDF.
+        link: name of the link; it is the base, or fixed to its parent.
         moved: the new frame in the old one.
     """
     (body,) = root.findall(f"link[@name='{link}']")

@@ -1,15 +1,15 @@
-"""Whether those who look on disturb the loop: round trips with and without them.
+"""Effect of observers on the loop: round trips with and without them.
 
     python -m benchmarks.observers [--observers 3 | --page] [--rounds 5] [--seconds 10]
                                    [--lockstep] [--controller whole-body]
                                    [--realtime-priority P]
 
-Rounds alternate, so that what else the machine does meets both alike: robot and
-stabilizer as two processes in real time, alone, and then with observers in processes
-of their own that take every message of every channel, or with the live page, which no
-browser shows: its drawing would be measured, not the page's part on the bus. Run it on
-a quiet machine with a processor to spare for them: what it measures is the bus, not who
-gets to compute.
+Robot and stabilizer run as two processes in real time. Rounds alternate: alone, and
+with observers in processes of their own that take every message of every channel, or
+with the live page. Other load of the machine then affects both alike. No browser shows
+the page: its drawing would be measured, not the page's part on the bus. Run it on a
+quiet machine with a free processor for the observers; else it measures the processors,
+not the bus.
 """
 
 from __future__ import annotations
@@ -49,7 +49,7 @@ accel_noise_m_s2 = 0.05
 
 
 def look_on(endpoints: Endpoints, tell: Connection) -> None:
-    """Take everything until the robot has gone; report the number of joint states."""
+    """Take all messages until the robot is gone; report the number of joint states."""
     robot = load_robot("walker")
     joints = 0
     with Observer(robot, endpoints=endpoints, depth=DEPTH) as observer:
@@ -65,7 +65,7 @@ class Watcher:
     """An observer in a process of its own."""
 
     def __init__(self, endpoints: Endpoints) -> None:
-        """Start it, and wait until it looks on."""
+        """Start it, and wait until it observes."""
         self._come, tell = SPAWN.Pipe(duplex=False)
         self.process: SpawnProcess = SPAWN.Process(
             target=look_on, args=(endpoints, tell)
@@ -74,10 +74,10 @@ class Watcher:
         self.heard()
 
     def heard(self) -> object:
-        """Return the next thing it reports.
+        """Return its next report.
 
         Raises:
-            TimeoutError: nothing in time.
+            TimeoutError: no report came in time.
         """
         if not self._come.poll(WAIT_S):
             self.process.kill()
@@ -88,7 +88,7 @@ class Watcher:
 def one_run(
     scenario: Path, how: list[str], controller: str, *, observers: int, page: bool
 ) -> tuple[PlantResult, list[int]]:
-    """Run once, and return how many ticks each observer got."""
+    """Run once; return the robot's result and the number of ticks each observer got."""
     endpoints = loopback_endpoints()
     (locator,) = endpoints.listen
     folder = scenario.parent

@@ -1,11 +1,12 @@
-"""Surefoot beside others that do the same arithmetic, measured in alternation.
+"""Surefoot compared with other libraries that do the same computations.
 
     python -m benchmarks.peers [--quick] [--out out/peers]
 
-The others live in a venv of their own, made in the folder ``venv`` beside the results
-from ``benchmarks/peers-requirements.txt``; what cannot be had is one line in the table.
-Both sides run on one core and count CPU time, one after the other in every pair; a
-ratio is ours over theirs, the median of all pairs with an interval of order statistics.
+The others are installed from ``benchmarks/peers-requirements.txt`` into a venv of their
+own, the folder ``venv`` beside the results. One that is not available gets a line in
+the table. Both sides run on one core, one after the other in every pair, and count CPU
+time. A ratio is ours over theirs: the median of all pairs with an interval of order
+statistics.
 """
 
 from __future__ import annotations
@@ -39,11 +40,11 @@ HERE = Path(__file__).parent
 US_PER_NS = 1e-3
 SETTLED_TICKS = 800
 EVERY = 10
-"""A state, and its two problems, is kept of so many ticks."""
+"""One tick in so many is kept: its state and its two QPs."""
 
 
 class Comparison(NamedTuple):
-    """What is divided by what: names in the times of ours and of theirs."""
+    """A ratio to compute: names of the two times, ours and theirs."""
 
     ours: str
     theirs: tuple[str, ...]
@@ -71,7 +72,7 @@ COMPARISONS = (
 
 
 class Ratio(NamedTuple):
-    """Ours over theirs: median of the pairs, and an interval for it."""
+    """Ours over theirs: the median of the pairs and its interval."""
 
     median: float
     low: float
@@ -81,8 +82,8 @@ class Ratio(NamedTuple):
 def ratio_of(ours: Sequence[float], theirs: Sequence[float]) -> Ratio:
     """Return the median ratio of pairs and its interval.
 
-    Of ten pairs the second and the ninth ratio enclose the median with 97.9 %; of
-    fewer than eight, the least and the largest are given.
+    Of ten pairs the second and the ninth ratio enclose the median with 97.9 %. Of
+    fewer than eight pairs, the interval is the least and the largest ratio.
     """
     ratios = sorted(a / b for a, b in zip(ours, theirs, strict=True))
     cut = 1 if len(ratios) >= 8 else 0
@@ -90,7 +91,7 @@ def ratio_of(ours: Sequence[float], theirs: Sequence[float]) -> Ratio:
 
 
 def table_of(pairs: Sequence[dict[str, float]], absent: dict[str, str]) -> str:
-    """Return the comparisons in Markdown."""
+    """Return the comparisons as a Markdown table."""
     lines = [
         "| Surefoot | | beside | | ours / theirs | interval |",
         "|---|---|---|---|---|---|",
@@ -114,7 +115,7 @@ def table_of(pairs: Sequence[dict[str, float]], absent: dict[str, str]) -> str:
 
 
 def make_venv(folder: Path) -> tuple[Path, dict[str, str]]:
-    """Make the others' venv unless it is there; return its Python and what failed."""
+    """Make the others' venv unless it exists; return its Python, and the failures."""
     python = folder / "bin" / "python"
     failed: dict[str, str] = {}
     if not python.exists():
@@ -133,20 +134,20 @@ def make_venv(folder: Path) -> tuple[Path, dict[str, str]]:
 
 
 class Witness:
-    """Controls the simulation, and keeps what it was shown for a second controller.
+    """Controls the simulation, and keeps its readings for a second controller.
 
-    That one computes the same, without a simulator between its ticks: with caches as
-    warm as those of the others.
+    The second one computes the same without a simulator between its ticks: its caches
+    are as warm as those of the others.
     """
 
     def __init__(self, controller: WholeBodyController) -> None:
-        """Keep nothing yet."""
+        """Begin without readings."""
         self.controller = controller
         self.seen: list[Any] = []
         self.twin: WholeBodyController | None = None
 
     def start(self, snapshot: Any, q_command: Any) -> None:
-        """Start both."""
+        """Start both controllers."""
         self.controller.start(snapshot, q_command)
         if self.twin is not None:
             self.twin.start(copy.deepcopy(snapshot), q_command.copy())
@@ -158,10 +159,10 @@ class Witness:
 
 
 class Own:
-    """Our side: a controller that stands, its states, and both problems at each."""
+    """Our side: a controller of a standing robot, its states, and both QPs at each."""
 
     def __init__(self, robot: str, scenario: str, *, ticks: int) -> None:
-        """Run until it stands, then keep states and problems."""
+        """Run until the robot stands, then keep states and QPs."""
         self.sim = Simulation(robot, scenario)
         settings = ControllerSettings()
         self.witness = Witness(WholeBodyController(self.sim.robot, settings))
@@ -185,7 +186,7 @@ class Own:
             self._time(part, method, type(part).__name__)
 
     def _advance(self) -> None:
-        """Step the simulation, then the controller that is measured, on its own."""
+        """Step the simulation, then the measured controller by itself."""
         self.sim.step(self.witness)
         self._replay()
 
@@ -217,7 +218,7 @@ class Own:
         setattr(owner, method, call)
 
     def dump(self, folder: Path) -> None:
-        """Write all that the other side reads."""
+        """Write the files that the other side reads."""
         c, robot = self.controller, self.sim.robot
         model = c.model.pin_model
         xml = without_shapes(robot.urdf_path)
@@ -273,7 +274,7 @@ class Own:
         return named
 
     def _pinocchio(self) -> tuple[Callable[[], object], Callable[[int], None]]:
-        """Return all that Pinocchio computes in a tick, as few calls as it takes."""
+        """Return Pinocchio's computations of a tick, in as few calls as possible."""
         model = self.controller.model.pin_model
         data, zero, now = model.createData(), np.zeros(model.nv), [0]
 

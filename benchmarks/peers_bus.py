@@ -1,4 +1,4 @@
-"""The bus of :mod:`benchmarks.peers`: ours, bare Zenoh and a TCP socket."""
+"""Bus times for :mod:`benchmarks.peers`: ours, bare Zenoh and a TCP socket."""
 
 from __future__ import annotations
 
@@ -31,9 +31,9 @@ START_TIMEOUT_S = 20.0
 ANSWER_TIMEOUT_S = 5.0
 WARM_UP_TICKS = 200
 MESSAGE_BYTES = 1200
-"""About what the sensors of a tick take on the bus."""
+"""Approximate size of a tick's sensor messages."""
 ANSWER_BYTES = 400
-"""About what a joint command takes."""
+"""Approximate size of a joint command."""
 BEYOND_PACKING = "bus round trip less packing"
 FOUR_MESSAGES = "bare Zenoh, four messages"
 
@@ -41,9 +41,9 @@ FOUR_MESSAGES = "bare Zenoh, four messages"
 def bus_times(robot: Robot, ticks: int) -> dict[str, float]:
     """Return wall-clock round trips of the bus, bare Zenoh and a TCP socket [us].
 
-    Bare Zenoh carries the sensors of a tick in one message, and in four as the bus
-    does: nothing is packed, checked or gated in either. The bus less its packing is
-    given, too: less what it takes to pack and unpack the five messages of a tick.
+    Bare Zenoh carries the sensors of a tick in one message, and in four like the bus;
+    nothing is packed, checked or gated in either. The bus is also given without the
+    time to pack and unpack the five messages of a tick.
     """
     ours, packing = _our_trips(robot, ticks), _packing(robot, ticks)
     times = {"bus round trip": ours, BEYOND_PACKING: ours - packing}
@@ -64,7 +64,7 @@ def bus_times(robot: Robot, ticks: int) -> dict[str, float]:
 def _our_trips(robot: Robot, ticks: int) -> float:
     """Time the bus: a process sends four sensor messages, one answers with a command.
 
-    Nothing is computed in between: what is left is bus, codec, gate and wake-ups.
+    Nothing is computed in between: the time is that of bus, codec, gate and wake-ups.
     """
     endpoints = loopback_endpoints()
     peer = SPAWN.Process(target=_answer_ticks, args=(str(robot.path), endpoints))
@@ -125,7 +125,7 @@ def _answer_ticks(robot_path: str, endpoints: Endpoints) -> None:
 
 
 def _snapshot(robot: Robot, tick: int) -> Snapshot:
-    """Full-length numbers, as a moving robot has."""
+    """A snapshot with numbers of full length, as of a moving robot."""
     layout = SnapshotLayout(robot.n_a)
     numbers = np.sin(1e-3 * tick + np.arange(layout.size))
     q = layout.places["q"]
@@ -219,7 +219,7 @@ def _zenoh_echo(port: int, count: int) -> None:
 def _zenoh_ask(port: int, ticks: int, sizes: Sequence[int]) -> float:
     with _zenoh(port, "listen") as session:
         answers = session.declare_subscriber("answer", zenoh.handlers.FifoChannel(4))
-        last = len(sizes) - 1  # sends what waits before it, as the bus's last one does
+        last = len(sizes) - 1  # flushes those before it, like the bus's last one
         ask = [
             session.declare_publisher(f"ask/{i}", express=i == last)
             for i in range(len(sizes))

@@ -1,7 +1,7 @@
-"""The other side of :mod:`benchmarks.peers`: runs in the venv of the peers alone.
+"""The other side of :mod:`benchmarks.peers`, which runs in the venv of the peers.
 
-Reads one folder, then measures once for every line that comes in, and answers with one
-line of JSON: name -> CPU time of one call [us], or the reason why there is none.
+It reads a folder, then measures once for every line on its standard input. It answers
+with a line of JSON: name -> CPU time of one call [us], or the reason for its absence.
 """
 
 from __future__ import annotations
@@ -97,7 +97,7 @@ def pink_call(about: dict[str, Any], states: Any, urdf: str) -> Call:
 
 
 def qp_call(solver: str, problems: Any, name: str) -> Call:
-    """One of our own problems a call, by another's solver."""
+    """One of our QPs per call, with another solver."""
     module = importlib.import_module(solver)
     cost, c, rows, h = (problems[f"{name}_{key}"] for key in ("P", "q_lin", "G", "h_u"))
     low, high = problems[f"{name}_x_l"], problems[f"{name}_x_u"]
@@ -126,7 +126,7 @@ def qp_call(solver: str, problems: Any, name: str) -> Call:
 
 
 def main() -> None:
-    """Build all that can be built, then measure at every line."""
+    """Build all calls that are available, then measure at every line."""
     folder = Path(sys.argv[1])
     about = json.loads((folder / "about.json").read_text())
     states, problems = np.load(folder / "states.npz"), np.load(folder / "problems.npz")
@@ -149,7 +149,7 @@ def main() -> None:
             calls[name] = make()
             for index in range(5):
                 calls[name](index)
-        except Exception as error:  # of any library: told, and the rest is measured
+        except Exception as error:  # of any library: reported; the rest is measured
             calls.pop(name, None)
             absent[name] = f"{type(error).__name__}: {str(error).splitlines()[0]}"
         if " " in name and name.split()[1] in ("tsid", "dik"):

@@ -1,16 +1,17 @@
-"""How a stabilizer that is asked to stop should leave the robot.
+"""Comparison of ways in which a stabilizer leaves the robot when asked to stop.
 
     python -m benchmarks.ramp_out [SCENARIO...] [--moments 10] [--seed 0]
 
-One run per scenario, in one process. At every moment the run is split (a fork), once
-for each way of stopping, and watched for four more seconds:
+One run per scenario, in one process. At every moment the run is forked, once for each
+way of stopping, and watched for four more seconds:
 
-- ``hold``: the last posture, at once.
+- ``hold``: the robot holds the last posture at once.
 - ``coast T``: the last motion goes on, slower and slower, until it stands still.
-- ``balance T``: the controller goes on answering, and less and less of the motion it
-  asks for is followed.
+- ``balance T``: the controller goes on answering; a shrinking share of the motion that
+  it asks for is followed.
 
-The table tells falls, the largest lean and the mean time the robot stayed up.
+The table shows falls, the mean time for which the robot stayed up, lean, foot force and
+the largest step of the command.
 """
 
 from __future__ import annotations
@@ -47,7 +48,7 @@ WAYS = (
     ("balance", 1.0),
 )
 WATCHED_S = 4.0
-"""From the request on, however long the way takes."""
+"""Observation time from the request on, however long the stop takes [s]."""
 IMPACT_S = 0.3
 """The largest foot force counts until this time after the command stands still [s]."""
 EARLIEST_S = 1.5
@@ -55,7 +56,7 @@ LATEST_S = 8.0
 
 
 class Ending(NamedTuple):
-    """What came of one stop."""
+    """Figures of one stop."""
 
     fell: bool
     up_s: float
@@ -98,7 +99,7 @@ class Run:
         self.sim.step(self)
 
     def end(self, way: str, seconds: float) -> Ending:
-        """Stop in one of the ways, and look on."""
+        """Stop in one of the ways, and watch."""
         sim = self.sim
         ticks = round(seconds / sim.robot.period_s)
         self._way, self._asked = way, self._command
@@ -119,7 +120,7 @@ class Run:
 
 
 def split(run: Run, way: str, seconds: float) -> Ending:
-    """End a run in a forked process, which leaves this one as it is."""
+    """End a run in a forked process; the run of this process stays as it is."""
     reader, writer = os.pipe()
     child = os.fork()
     if child == 0:

@@ -1,15 +1,14 @@
-"""What a robot with sensors and drives as people own them makes of its ground.
+"""Balance of a robot with realistic sensors and drives.
 
     python -m benchmarks.reality [--count 1] [--random 4] [--only WORD ...]
         [--grounds moving-platform-fast ...] [--out FOLDER]
 
-Each line is one imperfection, or all of them at once, as the tables of a scenario file,
-put into shipped scenarios that are cut short. What a random line has is drawn with its
-number: how the sensors are mounted, their errors, rates and delays, the drives, what
-the controller believes, a payload. Writes Markdown: how many stood, with Wilson's 95 %
-interval, and the largest lasting error of those; who did not, and how each ended, is
-told before. A line of your own is an entry of ``LINES``; what random lines draw is
-``draw``.
+Each line is one imperfection, or all of them at once, given as tables of a scenario
+file. They are put into shipped scenarios that are cut short. Random lines are drawn
+with their number in ``draw``: mounting, errors, rates and delays of sensors, drives,
+model errors, a payload. Writes Markdown: how many runs stood, with Wilson's 95 %
+interval, and their largest lasting error. Runs that did not stand are printed before,
+each with its outcome. To add a line of your own, add an entry to ``LINES``.
 """
 
 from __future__ import annotations
@@ -34,7 +33,7 @@ from surefoot.studies.cell import Row, is_up
 
 Tables = dict[str, Any]
 GROUND = {"standing": 4.0, "moving-platform-slow": 10.0, "moving-platform-fast": 5.0}
-"""Shipped scenarios, and how long each is run [s]."""
+"""Shipped scenarios, each with the duration of its run [s]."""
 SLOW_DRIVES = "harmonic"
 PAYLOAD_LINK = "left_hand"
 
@@ -44,9 +43,9 @@ class Line(NamedTuple):
 
     Attributes:
         name: shown in the table.
-        tables: of the scenario, laid over those of the shipped one.
-        servo_profile: of the drives.
-        drawing: how sensors are mounted; None: as on the Walker.
+        tables: tables of the scenario that are laid over those of the shipped one.
+        servo_profile: servo profile of the drives.
+        drawing: mounting of the sensors; None for the Walker's.
     """
 
     name: str
@@ -78,11 +77,11 @@ LINES = (
     ),
     Line("starts on moving ground", {"platform": {"start_s": 0.0}}),
 )
-"""One imperfection each."""
+"""Lines with one imperfection each."""
 
 
 def draw(number: int) -> Line:
-    """Return a robot with all imperfections at once, within what data sheets say."""
+    """Return a line with all imperfections at once, within limits of data sheets."""
     rng = np.random.default_rng(number)
 
     def within(size: float) -> list[float]:
@@ -132,8 +131,8 @@ def lay_over(text: str, tables: Tables) -> Tables:
     """Return a scenario's tables with those of a line laid over them.
 
     Args:
-        text: of the scenario file.
-        tables: of the line; what is said of ``platform`` goes into every motion.
+        text: content of the scenario file.
+        tables: tables of the line; keys of ``platform`` go into every motion.
     """
     raw = tomllib.loads(text)
     for name, values in tables.items():
@@ -153,9 +152,9 @@ class RealRun(LineRun):
     """One run of an imperfect robot.
 
     Attributes:
-        ground: shipped scenario it stands on.
-        of: the imperfections.
-        mounted: its robot file, where sensors are mounted elsewhere.
+        ground: shipped scenario on which it stands.
+        of: line with the imperfections.
+        mounted: its robot file if sensors are mounted differently; else None.
     """
 
     ground: str
@@ -168,7 +167,7 @@ class RealRun(LineRun):
         return f"{super().key}|{self.ground}"
 
     def scenario(self) -> Scenario:
-        """Return its ground, with the imperfections laid over."""
+        """Return the scenario of its ground with the imperfections laid over it."""
         raw = lay_over(shortened(self.ground, GROUND[self.ground]), self.of.tables)
         return scenario_from_table(raw, source=f"{self.line} on {self.ground}")
 
@@ -178,7 +177,7 @@ class RealRun(LineRun):
 
 
 def cell(rows: Sequence[Row]) -> str:
-    """Return how many stood, and the largest lasting error of those [mm]."""
+    """Return how many runs stood, and their largest lasting error [mm]."""
     up = [row for row in rows if is_up(row)]
     errors = [row["com_error_rms_mm"] for row in up if row["com_error_rms_mm"]]
     told = "; ".join(f"{max(axis):.1f}" for axis in zip(*errors, strict=True))
@@ -188,7 +187,7 @@ def cell(rows: Sequence[Row]) -> str:
 
 
 def table(runs: Sequence[RealRun], rows: Sequence[Row]) -> str:
-    """Return the Markdown table, a row a line and a column for each ground."""
+    """Return the Markdown table: a row per line and a column per ground."""
     cells: dict[tuple[str, str], list[Row]] = {}
     for run, row in zip(runs, rows, strict=True):
         cells.setdefault((run.line, run.ground), []).append(row)
@@ -229,7 +228,7 @@ def main() -> int:
 
 
 def robot_of(line: Line, folder: Path) -> Path | None:
-    """Return the file of a robot with sensors mounted so; None: the Walker's."""
+    """Write the robot file of a line's mounting; None if it is the Walker's."""
     if line.drawing is None:
         return None
     name = line.name.partition(",")[0].replace(" ", "-")

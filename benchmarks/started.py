@@ -1,4 +1,4 @@
-"""``surefoot`` commands as processes of a study, and scenarios cut short for them."""
+"""``surefoot`` commands as processes of benchmarks, and shortened scenarios."""
 
 from __future__ import annotations
 
@@ -21,21 +21,21 @@ PAUSE_S = 0.001
 def shortened(name: str, duration_s: float) -> str:
     """Return the text of a shipped scenario with another duration [s]."""
     text = find_scenario(name).read_text(encoding="utf-8")
-    whole = f"duration_s = {duration_s}"  # the first: pushes have theirs behind it
+    whole = f"duration_s = {duration_s}"  # the first one: those of pushes come later
     return re.sub(r"(?m)^duration_s = .*$", whole, text, count=1)
 
 
 def wait_until(condition: Callable[[], T], *, what: str) -> T:
-    """Ask again and again until the answer is truthy.
+    """Call a condition again and again until its answer is truthy; return the answer.
 
     Raises:
-        TimeoutError: it was not in time.
+        TimeoutError: no answer was truthy in time.
     """
     end = time.monotonic() + DEADLINE_S
     while not (answer := condition()):
         if time.monotonic() > end:
             raise TimeoutError(f"waited {DEADLINE_S:g} s for {what}")
-        time.sleep(PAUSE_S)  # another process: nothing here to wait on
+        time.sleep(PAUSE_S)  # another process has no event to wait for
     return answer
 
 
@@ -43,7 +43,7 @@ def run_json(*words: object, ended: Collection[int] = (0,)) -> dict[str, Any]:
     """Return the result object of ``surefoot run``.
 
     Raises:
-        RuntimeError: the run told no result; holds its last words.
+        RuntimeError: the run gave no result; the message quotes its last lines.
     """
     told = ["run", *map(str, words), "--json"]
     done = subprocess.run(
@@ -64,7 +64,7 @@ class Started:
     """A ``surefoot`` command; a context manager that leaves no process behind."""
 
     def __init__(self, log: Path, *words: object) -> None:
-        """Start it; what it says goes to a log."""
+        """Start it; its output goes to a log."""
         self._log = log
         with log.open("w") as file:
             self.process = subprocess.Popen(
@@ -78,7 +78,7 @@ class Started:
         return self
 
     def __exit__(self, *why: object) -> None:
-        """Kill what still runs."""
+        """Kill the process if it still runs."""
         self.process.kill()
         self.process.wait()
 
@@ -87,17 +87,17 @@ class Started:
         self.process.send_signal(number)
 
     def exit_code(self) -> int:
-        """Wait for its end."""
+        """Wait for its end; return its exit code."""
         return self.process.wait(DEADLINE_S)
 
     def said(self) -> str:
-        """Return all it has said so far."""
+        """Return its output so far."""
         return self._log.read_text(errors="replace")
 
     def wait_for(self, words: str) -> None:
-        """Wait until it has said something.
+        """Wait until its output holds some words.
 
         Raises:
-            TimeoutError: it did not in time.
+            TimeoutError: they did not come in time.
         """
         wait_until(lambda: words in self.said(), what=f"{words!r} in {self._log}")

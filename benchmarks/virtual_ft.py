@@ -1,12 +1,12 @@
-"""Wrenches inferred from joint efforts against those of ankle sensors.
+"""Wrenches inferred from joint efforts, compared with those of ankle sensors.
 
     python -m benchmarks.virtual_ft [--robot g1] [--seeds 2] [--duration 5] [--jobs 1]
 
-Each row is an ankle, each run a shipped scenario, scaled to what the robot reaches and
-cut short, in one process. Robots other than the Walker are those of
-``benchmarks.humanoids``. Told are the
-normal force and the moment about the soles' x and y as the controller had them, against
-the simulator's truth (rms from 1 s on), and what became of the CoM. Prints Markdown.
+Each row is a scenario and a case of ankles. Each run is a shipped scenario, scaled
+to the robot's reach and cut short, in one process. Robots other than the Walker are
+those of ``benchmarks.humanoids``. The table compares the controller's normal force and
+moments about the soles' x and y with the simulator's truth (rms error from 1 s on), and
+shows how many runs stood and the largest CoM error. Prints Markdown.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ from surefoot.studies.tables import markdown
 SCENARIOS = ("standing", "moving-platform-slow", "moving-platform-fast")
 SETTLED_S = 1.0
 NORMALS, TILTS = [2, 8], [3, 4, 9, 10]
-"""Of both soles' wrenches, stacked."""
+"""Indices in the stacked wrenches of both soles."""
 
 COLUMNS = (
     "scenario",
@@ -45,7 +45,7 @@ COLUMNS = (
 
 
 class Case(NamedTuple):
-    """A robot with or without ankle sensors, and what nobody reckons with."""
+    """A robot with or without ankle sensors, and errors unknown to the controller."""
 
     name: str
     virtual: VirtualForceTorque | None
@@ -65,7 +65,7 @@ CASES = (
 
 
 class Figures(NamedTuple):
-    """What one run came to."""
+    """Figures of one run."""
 
     outcome: str
     normal_n: float

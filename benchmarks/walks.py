@@ -1,16 +1,15 @@
-"""Walks over many grounds, terrains and pushes: how many are walked to their end.
+"""Walks over many grounds, terrains and pushes: how many are completed.
 
     python -m benchmarks.walks [--only tiles push] [--count 50] [--out FOLDER]
         [--controllers whole-body zmp] [--servo-profiles ideal harmonic]
         [--set KEY=VALUE] [--figure walks.svg] [--push-figure pushes.svg]
 
-The k-th run of a line has noise seed k; its terrain, its push and where on the way of
-the ground it begins are drawn with k, too. Writes Markdown: runs walked, Wilson's 95 %
-interval of that share, and for the worst run that was walked the DCM's error, the
-placement's and the largest force of a touchdown. ``--out`` keeps finished runs, so that
-a study that was ended goes on. ``--figure`` draws how many were walked,
-``--push-figure`` the pushes of the first such line. A line of your own is an entry of
-``LINES``.
+The k-th run of a line has noise seed k. Its terrain, its push and the phase of the
+ground's motion at its start are drawn with k. Writes Markdown: completed walks with
+Wilson's 95 % interval of their share, and the worst DCM error, placement error and
+touchdown force among them. ``--out`` keeps finished runs to resume a study.
+``--figure`` draws the shares of completed walks, ``--push-figure`` the pushes of the
+first line with pushes. To add a line of your own, add an entry to ``LINES``.
 """
 
 from __future__ import annotations
@@ -36,28 +35,28 @@ if TYPE_CHECKING:
 
 DIRECTIONS = 16
 PUSH_FROM_S, PUSH_WITHIN_S = 4.0, 1.6
-"""Of the pushes: the earliest, and for how long they are drawn from: two steps."""
+"""Earliest time of a push, and range of its draw, which is two steps [s]."""
 AFTER_PUSH_S = 4.5
-"""Of the run, after its push: five steps and more."""
+"""Duration of the run after its push: five steps or more [s]."""
 HALF_WIDTH_M = 0.11
-"""Of the Walker's stance."""
+"""Half the width of the Walker's stance."""
 TOES_M = 0.17
-"""Ahead of the soles the Walker first stands on: there tiles begin."""
+"""Front of the soles at the Walker's start, where tiles begin."""
 replace = msgspec.structs.replace
 
 
 def drawn(number: int, *, line: str) -> random.Random:
-    """Return what the run of a line draws from."""
+    """Return the random generator of a line's run."""
     return random.Random(f"{line} {number}")
 
 
 def shipped(name: str) -> Callable[[int], Scenario]:
-    """Return a line that is a shipped scenario, whatever the number."""
+    """Return a line that is the same shipped scenario for every number."""
     return lambda number: load_scenario(name)
 
 
 def later(name: str, *, within_s: float) -> Callable[[int], Scenario]:
-    """Return a line that begins to walk later, anywhere on the way of its ground."""
+    """Return a line that begins to walk later, at a random phase of its ground."""
 
     def make(number: int) -> Scenario:
         scenario = load_scenario(name)
@@ -90,7 +89,7 @@ def tiles(height_mm: float, tilt_deg: float) -> Callable[[int], Scenario]:
 
 
 def borders(number: int) -> Scenario:
-    """Return tiles as those of 25 mm and 5 deg whose borders run under footholds."""
+    """Return tiles like those of 25 mm and 5 deg, with borders under the footholds."""
     draw = drawn(number, line="borders")
     scenario = load_scenario("walk-tiles")
     ahead, aside = 0.4, 0.21
@@ -109,7 +108,7 @@ def borders(number: int) -> Scenario:
 
 
 def clear(tile: Tile) -> Tile:
-    """Return a tile without what lies under the soles at first."""
+    """Return a tile without its part under the soles at the start."""
     (x, y), (length, width) = tile.center_m, tile.size_m
     begins, ends = max(x - 0.5 * length, TOES_M), x + 0.5 * length
     return replace(
@@ -120,7 +119,7 @@ def clear(tile: Tile) -> Tile:
 def uneven(
     tile: Tile, draw: random.Random, *, height_mm: float, tilt_deg: float
 ) -> Tile:
-    """Return a tile with another height and tilt, each drawn evenly."""
+    """Return a tile with another height and tilt, each drawn uniformly."""
     return replace(
         tile,
         height_m=round(draw.uniform(-height_mm, height_mm) / 1e3, 4),
@@ -166,7 +165,7 @@ def prts_in_place(number: int) -> Scenario:
 
 
 def push(impulse_n_s: float) -> Callable[[int], Scenario]:
-    """Return a line of pushes: the k-th from k/16 of a turn, at a time drawn."""
+    """Return a line of pushes: the k-th from k/16 of a turn, at a random time."""
 
     def make(number: int) -> Scenario:
         scenario = load_scenario("walk-push")
@@ -191,7 +190,7 @@ def push_of(number: int) -> tuple[float, float]:
 
 
 def kerb(number: int) -> Scenario:
-    """Return level ground with a kerb of 30 to 70 mm that no plan has."""
+    """Return level ground with a kerb of 30 to 70 mm that is not in the plan."""
     draw = drawn(number, line="kerb")
     scenario = load_scenario("walk-flat-slow")
     begins, deep = round(draw.uniform(0.7, 1.1), 3), 3.0
@@ -205,7 +204,7 @@ def kerb(number: int) -> Scenario:
 
 
 def stairs(number: int) -> Scenario:
-    """Return three stairs of 10 cm, each off by up to 15 mm of what is planned."""
+    """Return three stairs of 10 cm, each off the plan by up to 15 mm."""
     draw = drawn(number, line="stairs")
     scenario = load_scenario("walk-stairs")
     off = [
@@ -216,7 +215,7 @@ def stairs(number: int) -> Scenario:
 
 
 def model_errors(number: int) -> Scenario:
-    """Return a walk of a robot that is not quite what the controller believes."""
+    """Return a walk of a robot that differs slightly from the controller's model."""
     draw = drawn(number, line="model errors")
     scenario = load_scenario("walk-flat-slow")
 
@@ -279,7 +278,7 @@ class WalkRun(LineRun):
 
 
 def in_words(rows: Sequence[Row]) -> str:
-    """Return how many were walked, and the worst figures of those."""
+    """Return how many walks were completed, and their worst figures."""
     walked, told = [row for row in rows if is_up(row)], share_in_words(rows)
     errors = [row["dcm_error_rms_mm"] for row in walked if row["dcm_error_rms_mm"]]
     if not errors:
@@ -291,7 +290,7 @@ def in_words(rows: Sequence[Row]) -> str:
 
 
 def table(rows: Sequence[Row]) -> str:
-    """Return the Markdown table, a row a line and a column for each controller."""
+    """Return the Markdown table: a row per line and a column per controller."""
     cells: dict[tuple[str, str], list[Row]] = {}
     for row in rows:
         column = f"{row['controller']}, {row['servo_profile']}"
@@ -300,7 +299,7 @@ def table(rows: Sequence[Row]) -> str:
 
 
 def draw_shares(rows: Sequence[Row], path: str) -> None:
-    """Draw the share of each line that was walked, with its interval."""
+    """Draw the share of completed walks of each line, with its interval."""
     from matplotlib.figure import Figure
 
     lines = list(dict.fromkeys(row["line"] for row in rows))
@@ -337,7 +336,7 @@ def draw_shares(rows: Sequence[Row], path: str) -> None:
 
 
 def draw_pushes(rows: Sequence[Row], path: str) -> None:
-    """Draw pushes around: direction as the angle, time as the distance."""
+    """Draw pushes in polar form: direction as the angle, time as the radius."""
     from matplotlib.figure import Figure
 
     figure = Figure(figsize=(4.2, 4.6), layout="constrained")

@@ -1,9 +1,9 @@
-"""A task of your own: the left hand keeps to a point while the robot balances.
+"""A task of your own: the left hand stays at a point while the robot balances.
 
     python examples/hand_task.py [SCENARIO]
 
-The whole-body controller solves two QPs every millisecond; a task gives both of them
-rows: a Jacobian J, its drift, and what J v and its rate should be.
+The whole-body controller solves two QPs every millisecond. A task adds rows to both: a
+Jacobian J, its drift, and the wanted values of J v and of its rate.
 """
 
 from __future__ import annotations
@@ -24,12 +24,12 @@ FORWARD_UP_M = np.array([0.15, 0.0, 0.10])
 
 
 class HandTask(Task):
-    """A frame's origin keeps to a point of the stance frame."""
+    """Keeps a frame's origin at a point of the stance frame."""
 
     size = 3
 
     def __init__(self, frame_id: int, target: Array) -> None:
-        """Say where to.
+        """Set the frame and its target.
 
         Args:
             frame_id: from :meth:`RobotModel.frame_id`.
@@ -51,7 +51,7 @@ class HandTask(Task):
         return dynamics.frame_drift(self.frame_id)[:3]
 
     def error(self, dynamics: Dynamics) -> Array:
-        """Return (3,) way from the hand to its target [m]."""
+        """Return (3,) vector from the hand to its target [m]."""
         _, position = dynamics.frame_placement(self.frame_id)
         return self.target - position
 
@@ -84,7 +84,7 @@ def reaching_controller(robot: sf.Robot) -> tuple[WholeBodyController, HandTask]
 
 
 def main(scenario: str = "moving-platform-slow") -> None:
-    """Balance, and tell how near the hand is to its target at the end.
+    """Balance, and print how near the hand is to its target at the end.
 
     Args:
         scenario: shipped name, or the path of a scenario file.

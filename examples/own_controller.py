@@ -20,7 +20,7 @@ import surefoot as sf
 class AnkleController:
     """Turn both ankles against the torso's pitch; all other joints stay.
 
-    Needs ``start`` and ``step`` and nothing else. ``__init__`` may take the robot, or
+    A controller needs only ``start`` and ``step``. ``__init__`` may take the robot, or
     robot and settings, or nothing.
     """
 
@@ -34,7 +34,7 @@ class AnkleController:
         self.period_s = robot.period_s
 
     def start(self, snapshot: sf.Snapshot, q_command: np.ndarray) -> None:
-        """Begin at the joint positions the servos hold, or the robot would jump."""
+        """Begin at the joint positions that the servos hold: else the robot jumps."""
         self.q = q_command.copy()
 
     def step(self, snapshot: sf.Snapshot, reference: object = None) -> np.ndarray:
@@ -47,7 +47,7 @@ class AnkleController:
 
 
 def main(plot: str | None = None, scenario: str = "tilt-sine-pitch") -> None:
-    """Compare it with holding still and with the whole-body controller."""
+    """Compare the controller with ``hold`` and with the whole-body controller."""
     robot = sf.load_robot("walker")
     peaks = {}
     # A class is called with the robot; a fresh object may be given as well.
@@ -63,7 +63,7 @@ def main(plot: str | None = None, scenario: str = "tilt-sine-pitch") -> None:
     if plot is not None:
         import matplotlib as mpl
 
-        mpl.use("Agg")  # into a file, also where there is no screen
+        mpl.use("Agg")  # draw to a file: needs no screen
         import matplotlib.pyplot as plt
 
         figure, axis = plt.subplots(figsize=(6, 3), layout="tight")

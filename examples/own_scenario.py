@@ -16,7 +16,7 @@ FORCES_N = (100.0, 200.0, 300.0, 400.0)
 
 
 def seesaw(push_n: float, *, duration_s: float = 4.0) -> sf.Scenario:
-    """The left foot's ground rolls, and the torso is pushed to the left."""
+    """Return a scenario: the left foot's ground rolls, and a push goes to the left."""
     return sf.Scenario(
         name=f"seesaw, {push_n:g} N",
         duration_s=duration_s,
@@ -56,7 +56,7 @@ def main(plot: str | None = None, duration_s: float | str = 4.0) -> None:
     if plot is not None:
         import matplotlib as mpl
 
-        mpl.use("Agg")  # into a file, also where there is no screen
+        mpl.use("Agg")  # draw to a file: needs no screen
         import matplotlib.pyplot as plt
 
         figure, axis = plt.subplots(figsize=(6, 3.5), layout="tight")

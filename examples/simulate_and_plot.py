@@ -19,7 +19,7 @@ def main(plot: str | None = None, scenario: str = "moving-platform-slow") -> Non
     # numbers, bit for bit.
     run = sf.simulate(robot, scenario, controller="whole-body", seed=3)
     print(f"{run.outcome} after {run.result.duration_s:g} s")
-    # None for runs of less than a second: the error counts from there.
+    # None for runs of less than one second: the error counts from 1 s on.
     print("CoM error rms [mm], x y z:", run.result.com_error_rms_mm)
 
     # A signal is an array with one row per tick. A wrench is [force; moment] of the
@@ -32,7 +32,7 @@ def main(plot: str | None = None, scenario: str = "moving-platform-slow") -> Non
     if plot is not None:
         import matplotlib as mpl
 
-        mpl.use("Agg")  # into a file, also where there is no screen
+        mpl.use("Agg")  # draw to a file: needs no screen
         import matplotlib.pyplot as plt
 
         figure, axes = plt.subplots(

@@ -7,7 +7,7 @@
     run = sf.simulate("walker", "moving-platform-slow", seed=3)
     print(run.outcome, run.result.com_error_rms_mm)
 
-The names in ``__all__`` are the public API; each is imported when it is first used, so
+The names in ``__all__`` are the public API. Each is imported when it is first used:
 ``import surefoot`` is quick and needs none of the extras.
 """
 
@@ -17,8 +17,8 @@ import os
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
-# Algebra of 34 x 34 is slower with threads, and its tail far worse. Read when numpy
-# and its libraries load, so it stands before any of them.
+# Linear algebra of 34 x 34 is slower with threads, and its slowest ticks much slower.
+# numpy's libraries read these variables when they load, so they are set before.
 for _variable in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"):
     os.environ.setdefault(_variable, "1")
 

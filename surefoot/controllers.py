@@ -1,4 +1,7 @@
-"""What a notebook asks for by name: controllers, what they bear, a vendor's robot."""
+"""Controllers by name, the loop delay they bear, and the driver of a vendor's robot.
+
+Notebooks call the public functions; the command line prints the two notices.
+"""
 
 from __future__ import annotations
 
@@ -24,13 +27,13 @@ _WALKS = ("whole-body", "zmp")
 """Controllers that take steps, each with the same limits."""
 _WHOLE = 1e-6
 _OF_A_TICK = 0.01
-"""A delay may be off by so much of a tick, as one of four printed digits is."""
+"""Largest error of a delay, in ticks; a delay printed with four digits has one."""
 
 
 def make_controller(
     name: str, robot: str | Path | Robot = "walker", *, settings: Settings = None
 ) -> Controller:
-    """Make a new controller; it is started once, by the run it is given to.
+    """Make a new controller. The run that gets it starts it, once.
 
     Args:
         name: ``whole-body``, ``zmp``, ``hold``, an installed entry point,
@@ -88,18 +91,18 @@ def compute_margins(
     settings: Settings = None,
     delay_ms: float | None = None,
 ) -> LoopMargins:
-    """Compute what the whole-body stabilizer bears on a robot that stands.
+    """Compute the margins of the whole-body stabilizer on a standing robot.
 
     Args:
         robot: shipped name, path of a robot file, or a loaded robot.
         servo_profile: a profile of the robot file to use instead of its own.
         settings: ``{"dik.k_force": -40.0}``, resolved settings, the name of shipped
             settings, a file, or None for the defaults.
-        delay_ms: of the loop, from a reading to the step its answer acts in, a whole
-            number of ticks; None for one tick [ms].
+        delay_ms: delay of the loop, from a reading to the step in which its answer
+            acts, a whole number of ticks; None for one tick [ms].
 
     Raises:
-        UsageError: a delay that is no whole number of ticks.
+        UsageError: the delay is not a whole number of ticks.
         RobotFileError: no such robot.
         FileFormatError: a file or a setting is malformed.
     """
@@ -115,10 +118,10 @@ def compute_margins(
 
 
 def loop_delay_ms(delay: Delay, robot: Robot) -> float:
-    """Return by how much sensors and commands are late together [ms].
+    """Return the delay of sensors and commands together [ms].
 
-    What single sensors are late by beyond that, the stabilizer sees by their stamps,
-    and yields more slowly for it.
+    Single sensors may be later than that. The stabilizer sees it by their stamps and
+    yields more slowly.
     """
     command_ms = delay.command_ms
     if command_ms is None:
@@ -127,9 +130,9 @@ def loop_delay_ms(delay: Delay, robot: Robot) -> float:
 
 
 def loop_notice(plan: RunPlan) -> str:
-    """Say that a run's loop is later than robot or stabilizer bear; empty if not.
+    """Return a warning if a run's loop is later than robot or stabilizer bear, or "".
 
-    Of gains, only those of the whole-body stabilizer are judged.
+    Only the gains of the whole-body stabilizer are judged.
     """
     tick_ms = MS_PER_S * plan.robot.period_s
     delay, shared_ms = plan.scenario.delay, plan.scenario.delay.shared_ms
@@ -168,7 +171,7 @@ def loop_notice(plan: RunPlan) -> str:
 
 
 def walk_notice(plan: RunPlan) -> str:
-    """Say what of a run's walk will not be walked; empty if all of it will."""
+    """Return which part of a run's walk will not be walked; empty if all of it will."""
     walk = plan.walk
     if walk is None or plan.controller not in _WALKS:
         return ""

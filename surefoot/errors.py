@@ -1,4 +1,7 @@
-"""Errors of the library, and the exit codes that they and outcomes mean."""
+"""Errors of the library, and the exit codes of errors and outcomes.
+
+The command line, drivers and scripts use them.
+"""
 
 from __future__ import annotations
 
@@ -11,22 +14,22 @@ from typing import Any
 from surefoot.schemas.reasons import Outcome
 
 ERROR_PREFIX = "surefoot:"
-"""What every error of a command begins with; a parent finds its children's by it."""
+"""Every error of a command begins with it; a parent finds its children's by it."""
 
 
 class SurefootError(RuntimeError):
-    """Base of the library's own errors: it cannot do what it was asked for."""
+    """Base of the library's own errors: it cannot do what was asked."""
 
 
 class UsageError(SurefootError, ValueError):
-    """Options contradict each other, or point at something that is not there."""
+    """Options contradict each other, or name something that does not exist."""
 
 
 class UnknownSignalError(UsageError, KeyError):
     """A run has no signal of this name."""
 
     def __str__(self) -> str:
-        """The message as it is; a KeyError would put it in quotes."""
+        """Return the message as it is; KeyError would quote it."""
         return str(self.args[0])
 
 
@@ -38,8 +41,8 @@ class ChildFailedError(SurefootError):
     """One of the processes of a run failed.
 
     Attributes:
-        exit_code: what this process should exit with.
-        run: what there is of the run, a :class:`surefoot.Run`; None for nothing.
+        exit_code: exit code for this process.
+        run: the run so far, a :class:`surefoot.Run`; None if there is nothing of it.
     """
 
     run: Any = None
@@ -51,34 +54,34 @@ class ChildFailedError(SurefootError):
 
 
 class TuneInterrupted(KeyboardInterrupt):
-    """A search was ended by Ctrl-C or SIGTERM.
+    """Ctrl-C or SIGTERM ended a search.
 
     Attributes:
-        tuned: what there is of it, a :class:`surefoot.Tuned`; None for nothing.
+        tuned: its outcome so far, a :class:`surefoot.Tuned`; None if there is none.
     """
 
     def __init__(self, tuned: Any) -> None:
-        """Keep what there is of the search."""
+        """Keep the outcome so far."""
         super().__init__("the search was interrupted")
         self.tuned = tuned
 
 
 class RunInterrupted(KeyboardInterrupt):
-    """A run was ended by Ctrl-C or SIGTERM.
+    """Ctrl-C or SIGTERM ended a run.
 
     Attributes:
-        run: what there is of it, a :class:`surefoot.Run` with the outcome
-            ``interrupted``; None for nothing.
+        run: the run so far, a :class:`surefoot.Run` with the outcome ``interrupted``;
+            None if there is nothing of it.
     """
 
     def __init__(self, run: Any) -> None:
-        """Keep what there is of the run."""
+        """Keep the run so far."""
         super().__init__("the run was interrupted")
         self.run = run
 
 
 class ExitCode(IntEnum):
-    """What scripts may rely on."""
+    """Exit codes of commands; scripts may rely on them."""
 
     OK = 0
     FAILED = 1
@@ -94,7 +97,7 @@ class ExitCode(IntEnum):
 
 
 def exit_code_for(outcome: Outcome) -> ExitCode:
-    """The exit code of a run that went like this."""
+    """Return the exit code of a run with this outcome."""
     if outcome.is_up:
         return ExitCode.OK
     special = {
@@ -108,7 +111,7 @@ def exit_code_of(error: BaseException) -> ExitCode | None:
     """Return the exit code of an error.
 
     Returns:
-        Its code; None for an error nobody foresaw, which deserves its traceback.
+        Its code; None for an unforeseen error, which deserves its traceback.
     """
     from surefoot.robot_io.errors import (
         CertificateError,
@@ -146,11 +149,11 @@ def exit_code_of(error: BaseException) -> ExitCode | None:
 
 
 def foreseen(error: BaseException) -> BaseException:
-    """Return an error as it is, or what it says of this machine.
+    """Return an error as it is, or as an EnvironmentFailedError if MuJoCo did not load.
 
     Args:
-        error: what ended a command. MuJoCo, which loads its OpenGL at once, fails in
-            another way for each value of ``MUJOCO_GL``, and with an error of any type.
+        error: ended a command. MuJoCo loads OpenGL when it is imported; for a value of
+            ``MUJOCO_GL`` that does not work this fails with an error of any type.
     """
     parts = [name for name in sys.modules if name.startswith("mujoco.")]
     if not parts or "mujoco" in sys.modules or exit_code_of(error) is not None:
@@ -162,10 +165,10 @@ def foreseen(error: BaseException) -> BaseException:
 
 
 def complain(program: Callable[[], object]) -> None:
-    """Run the program of a driver; a foreseen error is one line and its exit code."""
+    """Run a driver's program; a foreseen error gives one line and its exit code."""
     try:
         program()
-    except (Exception, KeyboardInterrupt) as error:  # those without a code go on below
+    except (Exception, KeyboardInterrupt) as error:  # without a code: raised again
         told = foreseen(error)
         code = exit_code_of(told)
         if code is None:

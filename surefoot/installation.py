@@ -1,4 +1,7 @@
-"""How this was installed, and the command that adds what is missing."""
+"""How surefoot was installed, and the pip command that adds missing packages.
+
+Error messages, ``surefoot doctor`` and the files of runs use it.
+"""
 
 from __future__ import annotations
 
@@ -27,13 +30,13 @@ _ROOT = Path(__file__).resolve().parent.parent
 
 
 def install_command(extra: str = "") -> str:
-    """A command that works for how this was installed.
+    """Return the pip command that fits how surefoot was installed.
 
-    A checkout is installed again, in the same way; a package from elsewhere that may
-    be on no index is left alone, and what the extra needs is installed by name.
+    A checkout is installed again in the same way. A package from elsewhere may be on
+    no index: it is left alone, and the extra's requirements are installed by name.
 
     Args:
-        extra: name of an optional part; empty for what every run needs.
+        extra: name of an optional part; empty for the requirements of every run.
     """
     try:
         package = distribution(_NAME)
@@ -49,7 +52,7 @@ def install_command(extra: str = "") -> str:
 
 
 def installed_version(package: str) -> str | None:
-    """The version of a package; None where it is not installed."""
+    """Return the version of a package; None if it is not installed."""
     try:
         return version(package)
     except PackageNotFoundError:
@@ -57,7 +60,7 @@ def installed_version(package: str) -> str | None:
 
 
 def this_machine() -> dict[str, Any]:
-    """Python, platform and the packages that a run depends on, by name."""
+    """Return Python, platform and the packages that a run depends on, by name."""
     return {
         "python": platform.python_version(),
         "platform": platform.platform(),
@@ -66,7 +69,7 @@ def this_machine() -> dict[str, Any]:
 
 
 def _source(package: Distribution) -> str | None:
-    """Folder, file or repository it was installed from; None when that is gone."""
+    """Folder, file or repository the package came from; None if that is gone."""
     text = package.read_text("direct_url.json")
     if text is None:
         return None
@@ -81,7 +84,7 @@ def _source(package: Distribution) -> str | None:
 
 
 def _needed(package: Distribution, extra: str) -> list[str]:
-    """What a part of the package requires, by name and version."""
+    """Requirements of a part of the package, by name and version."""
     needed = []
     for line in package.requires or []:
         requirement, _, marker = line.partition(";")
@@ -99,7 +102,7 @@ def _with(source: str, extra: str) -> str:
 
 
 def _shown(path: Path) -> str:
-    """A path as short as it is from here, always told apart from a name."""
+    """The shortest form of a path from here; it never looks like a package name."""
     near = os.path.relpath(path)
     if near.startswith(".."):
         return str(path)
@@ -107,7 +110,7 @@ def _shown(path: Path) -> str:
 
 
 def _pip(*words: str) -> str:
-    """The pip of this very Python, whichever is first on the path."""
+    """The pip command of this Python, not of the first one on the path."""
     python = sys.executable or "python3"
     near = os.path.relpath(python)
     program = python if near.startswith("..") else near

@@ -1,4 +1,4 @@
-"""Measurements on a robot: offsets of its ankle sensors, and its drives."""
+"""Measures ankle sensor offsets (``surefoot tare``) and drives (``identify``)."""
 
 from __future__ import annotations
 
@@ -39,27 +39,27 @@ from surefoot.stabilizer.walking.footsteps import SIDES
 FootChoice = Literal["left", "right", "both"]
 CHANNELS = ("joints", "imu", "left_ankle_ft", "right_ankle_ft")
 LARGEST_OFFSET_N, LARGEST_OFFSET_WEIGHTS = 100.0, 0.25
-"""A foot that feels more stands on something, or its sensor is broken [N, weights]."""
+"""With a larger offset a foot stands, or its sensor is broken [N, robot weights]."""
 LARGEST_SCATTER_N = 20.0
-"""Standard deviation of a foot that is moved [N]."""
+"""Standard deviation above which a foot counts as moving [N]."""
 FEWEST_READINGS = 20
 PROFILE = "identified"
 SIGNATURE = "by surefoot identify"
 AMPLITUDE_RAD = 0.02
 LEAST_STIFFNESS = 0.1
-"""A drive that seems softer than so much of the robot file's did not follow [1]."""
+"""Share of the robot file's stiffness below which a drive did not follow [1]."""
 LARGEST_AMPLITUDE_RAD = 0.05
-"""A leg moved further would lift its foot [rad]."""
+"""A leg that moves further would lift its foot [rad]."""
 
 
 class TareFound(NamedTuple):
-    """What was measured and stored.
+    """Offsets that were measured and stored.
 
     Attributes:
-        path: where.
-        found: (2, 6) what was found beside what was known, left and right [N, N m].
-        tare: all of it, as stored.
-        readings: of how many readings it is the mean.
+        path: file with the offsets.
+        found: (2, 6) offsets found on top of the former ones, left and right [N, N m].
+        tare: all offsets, as stored.
+        readings: number of readings behind the mean.
     """
 
     path: Path
@@ -76,21 +76,22 @@ def measure_tare(
     duration_s: float = 2.0,
     timeout_s: float = 10.0,
 ) -> TareFound:
-    """Measure a robot at rest whose foot, or feet, touch nothing, and store it.
+    """Measure and store the ankle sensors' offsets of a robot with its feet in the air.
 
-    Nothing is commanded. The driver takes the offsets off from its next start on.
+    The robot is at rest; nothing is commanded. The driver subtracts the offsets from
+    its next start on.
 
     Args:
-        robot: what its files say; the offsets go beside its TOML.
+        robot: the robot as its files describe it; the offsets go beside its TOML.
         endpoints: where to find it.
-        foot: which of its feet hang free.
-        duration_s: how long to average [s].
-        timeout_s: how long to look for the robot [s].
+        foot: the foot, or both, that hangs free.
+        duration_s: duration of the average [s].
+        timeout_s: longest wait for the robot [s].
 
     Raises:
         RobotIoError: there is no robot.
         UsageError: a foot stands or moves, too few readings came, or the robot has no
-            such sensors.
+            ankle sensors.
         OSError: the file cannot be written.
     """
     if robot.file.virtual_ft is not None:
@@ -144,7 +145,7 @@ def measure_tare(
 
 
 def _wrenches(heard: Recording, side: Side) -> Array:
-    """(readings, 6) forces and moments that an ankle sensor has told."""
+    """(readings, 6) forces and moments of an ankle sensor [N, N m]."""
     name = ankle_sensor(side).name
     return np.hstack([heard.column(name, part) for part in ("force", "moment")])
 
@@ -161,7 +162,7 @@ def _mean(robot: Robot, heard: Recording, wrenches: dict[Side, Array]) -> Snapsh
 
 
 def choose_joints(robot: Robot, names: Sequence[str]) -> list[int]:
-    """Return the joints of these names in bus order; all when there are none.
+    """Return the indices of named joints in bus order; all joints if none is named.
 
     Raises:
         UsageError: there is no such joint.
@@ -186,25 +187,25 @@ def identify_drives(
     scenario: Scenario | None = None,
     timeout_s: float = 10.0,
 ) -> list[Drive]:
-    """Move a standing robot's joints a little, one by one, and tell what drives do.
+    """Move a standing robot's joints a little, one by one, and identify their drives.
 
     Args:
-        robot: what its files say; stands on both feet and is at rest.
+        robot: the robot as its files describe it; it stands on both feet, at rest.
         joints: by name; all when empty.
         amplitude_rad: of the motion [rad].
         endpoints: where to find it; None for a simulated one in this process.
         pace: of the robot on the bus.
         scenario: of the simulated robot; None: it stands as its file says.
-        timeout_s: how long to look for it on the bus [s].
+        timeout_s: longest wait for it on the bus [s].
 
     Returns:
-        A row per joint.
+        One row per joint.
 
     Raises:
-        UsageError: no such joint, or an amplitude that is too large.
+        UsageError: no such joint, or the amplitude is too large.
         RobotIoError: there is no robot on the bus.
-        ChildFailedError: the robot fell, or gave up, before all was done; or a joint
-            was seen too seldom, or did not follow.
+        ChildFailedError: the robot fell or gave up before the end; or a joint was seen
+            too seldom, or did not follow.
     """
     if scenario is not None and (scenario.platform or scenario.push or scenario.walk):
         raise UsageError(
@@ -237,10 +238,10 @@ def identify_drives(
 
 
 def judged(controller: IdentifyController, *, amplitude_rad: float) -> list[Drive]:
-    """Return what the drives do; all of them, or none.
+    """Return the identified drives: all of them, or an error.
 
     Args:
-        controller: has moved its joints.
+        controller: the one that has moved the joints.
         amplitude_rad: of the motion [rad].
 
     Raises:
@@ -326,11 +327,11 @@ def _on_bus(
 
 
 def profile_of(robot: Robot, drives: Sequence[Drive]) -> ServoProfile:
-    """Return one profile for all: the median lag, the slowest limit that showed.
+    """Return one profile for all drives: median lag, lowest speed limit that showed.
 
-    Of the legs, which balance, where any of their drives was moved: arms have others.
-    Where no limit showed, the robot's own, or the smallest of what drives reached if
-    that is more.
+    If leg drives were moved, only these count: legs balance, arms have other drives.
+    If no limit showed, it is the larger of the robot's own limit and the smallest
+    speed that a drive reached.
     """
     model = RobotModel(robot)
     at = np.flatnonzero(model.is_leg[model.to_bus])
@@ -347,10 +348,10 @@ def profile_of(robot: Robot, drives: Sequence[Drive]) -> ServoProfile:
 
 
 def check_out(robot: Robot, out: Path, *, overwrite: bool) -> None:
-    """Refuse what cannot be written, or read afterwards, before anything moves.
+    """Refuse an output path that cannot be written or read, before anything moves.
 
     Raises:
-        UsageError: it is taken or no robot file, or its folder is not there.
+        UsageError: the path is taken or no robot file, or its folder does not exist.
         FileFormatError: the file with the robot's offsets is malformed.
     """
     if out.suffix != ".toml":
@@ -364,14 +365,14 @@ def check_out(robot: Robot, out: Path, *, overwrite: bool) -> None:
 def write_profile(
     robot: Robot, drives: Sequence[Drive], out: Path, *, overwrite: bool = False
 ) -> ServoProfile:
-    """Write a robot file that extends the robot's by what was identified.
+    """Write a robot file that extends the robot's by the identified drives.
 
-    A file that itself extends another one is written anew, with all it says. The
-    offsets of the ankle sensors are stored beside it as they are beside the robot's;
-    those that were measured for it stay.
+    If the robot's file itself extends another one, the new file extends that one and
+    repeats the rest. The ankle sensors' offsets are stored beside the new file, unless
+    there are some that were measured for it.
 
     Raises:
-        UsageError: the file is there.
+        UsageError: the file exists.
         OSError: it cannot be written.
     """
     profile, tare = profile_of(robot, drives), load_tare(robot.path)
@@ -396,7 +397,7 @@ def write_profile(
 
 
 def in_lines(drives: Sequence[Drive]) -> list[str]:
-    """Return a line of words for each drive."""
+    """Return one line of text per drive."""
     return [
         f"{drive.joint}: lag {1e3 * drive.lag_s:.1f} ms, "
         f"{'at least ' if drive.is_bound else ''}{drive.velocity_limit_rad_s:g} rad/s, "

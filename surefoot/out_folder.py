@@ -1,4 +1,7 @@
-"""Places for files: claimed before the work begins, and others' left alone."""
+"""Output files and folders, claimed before the work begins; other files are left alone.
+
+Every command that writes files uses it.
+"""
 
 from __future__ import annotations
 
@@ -19,29 +22,29 @@ from surefoot.schemas.toml_file import atomic_file
 
 try:
     import fcntl
-except ImportError:  # no POSIX: two runs into one folder are then not told apart
+except ImportError:  # no POSIX: nothing keeps two runs out of one folder
     fcntl = None  # type: ignore[assignment]
 
 
 _LOG = logging.getLogger(__name__)
 _LONGEST_LINE = 4096
-"""Of a file whose first line is looked at [bytes]."""
+"""How much of a file is read to find its first line [bytes]."""
 _FORMER, _GOING = ".former-", ".going"
-"""Beginnings of the names of folders with what was there before: until what takes its
-place is worth keeping, and while it is removed."""
+"""Prefixes of the names of folders with the former files: while these may still be
+brought back, and while they are being removed."""
 
 
 def make_out_folder(folder: Path, *, out: Path, option: str = "--out") -> None:
-    """Make a folder, with those above it, and see that files can be written there.
+    """Make a folder and its parents, and check that files can be written there.
 
     Args:
         folder: to be made.
-        out: what was asked for, and
-        option: by which, for errors.
+        out: the path the user gave, for errors.
+        option: the option it was given with, for errors.
 
     Raises:
-        UsageError: something on the way is a file, or a link to nothing.
-        EnvironmentFailedError: it cannot be made or written to.
+        UsageError: a part of the path is a file, or a link to nothing.
+        EnvironmentFailedError: the folder cannot be made or written to.
     """
     if folder.is_symlink() and not folder.exists():
         raise UsageError(f"{option} {out}: is a link to nothing; name a folder")
@@ -62,10 +65,11 @@ def make_out_folder(folder: Path, *, out: Path, option: str = "--out") -> None:
 
 
 def is_to_replace(path: Path, *, overwrite: bool) -> bool:
-    """Whether there is a file, which may be replaced.
+    """Return whether a file exists and may be replaced.
 
     Raises:
-        UsageError: it may not, or is no file but a folder, a device or a link to one.
+        UsageError: it exists and may not be replaced, or is no file but a folder, a
+            device or a link to one.
     """
     is_there = path.exists() or path.is_symlink()
     if path.exists() and not path.is_file():
@@ -79,15 +83,15 @@ def is_to_replace(path: Path, *, overwrite: bool) -> bool:
 
 
 def check_replaceable(path: Path, *, signature: str, overwrite: bool) -> None:
-    """See that a file is not there, or one that the same command wrote.
+    """Check that a file does not exist, or that the same command wrote it.
 
     Args:
         path: the file.
-        signature: what such a file says in its first line.
+        signature: text in the first line of such a file.
         overwrite: whether it may be replaced.
 
     Raises:
-        UsageError: it is there, and may not be replaced or is somebody else's.
+        UsageError: it exists, and may not be replaced or something else wrote it.
     """
     if not is_to_replace(path, overwrite=overwrite):
         return
@@ -105,10 +109,10 @@ def check_replaceable(path: Path, *, signature: str, overwrite: bool) -> None:
 
 @contextmanager
 def undone_on_error() -> Iterator[Callable[[Path], None]]:
-    """Remove again what was made before something went wrong, files and folders.
+    """Remove the files and folders made in this context if it ends with an error.
 
     Yields:
-        To be called with each path before it is made: what is there already stays.
+        A function to call with each path before it is made; existing paths stay.
     """
     made: list[Path] = []
     try:
@@ -119,30 +123,30 @@ def undone_on_error() -> Iterator[Callable[[Path], None]]:
 
 
 def not_there(path: Path) -> list[Path]:
-    """Return a path and the folders above it, those of them that are yet to be made."""
+    """Return those of a path and its parents that do not exist yet."""
     return [p for p in (path, *path.parents) if not os.path.lexists(p)]
 
 
 def take_away(made: Iterable[Path]) -> None:
-    """Remove files, and folders as far as nothing else is in them."""
+    """Remove files, and those folders that hold nothing else."""
     for path in sorted(made, key=lambda p: len(p.parts), reverse=True):
-        with suppress(OSError):  # never made, or others' files are in it
+        with suppress(OSError):  # never made, or it holds other files
             path.rmdir() if path.is_dir() else path.unlink()
 
 
 def write_whole(path: Path, data: bytes) -> None:
-    """Write a file, whole or not at all."""
+    """Write a file completely or not at all."""
     with atomic_file(path) as file:
         file.write(data)
 
 
 def write_json(path: Path, value: Any) -> None:
-    """Write a struct, or built-in types, as indented JSON, whole or not at all."""
+    """Write a struct, or built-in types, as indented JSON, completely or not at all."""
     write_whole(path, msgspec.json.format(json_bytes(value)) + b"\n")
 
 
 def json_bytes(value: Any) -> bytes:
-    """A struct, or built-in types, as JSON, whatever the names of files in it."""
+    """Return a struct, or built-in types, as JSON, whatever file names it holds."""
     try:
         return msgspec.json.encode(value)
     except UnicodeEncodeError:
@@ -150,7 +154,7 @@ def json_bytes(value: Any) -> bytes:
 
 
 def printable(name: str) -> str:
-    """A name of the file system as text that JSON and pages can hold."""
+    """Return a file name as text that JSON and pages can hold."""
     return os.fsencode(name).decode("utf-8", "replace")
 
 
@@ -166,10 +170,10 @@ def _all_printable(value: Any) -> Any:
 
 @contextmanager
 def new_file(path: Path, *, overwrite: bool) -> Iterator[IO[bytes]]:
-    """Open a file that takes its name once it is complete.
+    """Open a file that gets its name once it is complete.
 
     Raises:
-        UsageError: another command took the name meanwhile.
+        UsageError: another command has taken the name meanwhile.
     """
     try:
         with atomic_file(path, overwrite=overwrite) as file:
@@ -182,13 +186,13 @@ def new_file(path: Path, *, overwrite: bool) -> Iterator[IO[bytes]]:
 
 
 class FolderLock:
-    """Keeps other commands out of a folder until it is released, or this one ends."""
+    """Keeps other commands out of a folder until released or the process ends."""
 
     def __init__(self, folder: Path) -> None:
-        """Lock the folder itself: the system forgets that when this process ends.
+        """Lock the folder itself; the system frees the lock when this process ends.
 
         Raises:
-            UsageError: another command has it.
+            UsageError: another command holds the lock.
         """
         self._lock: int | None = None
         if fcntl is None:
@@ -207,11 +211,11 @@ class FolderLock:
 
     @property
     def is_held(self) -> bool:
-        """Whether it keeps others out: some file systems have no locks."""
+        """Whether the lock is effective; some file systems have no locks."""
         return self._lock is not None
 
     def release(self) -> None:
-        """Let others have the folder."""
+        """Free the folder for others."""
         if self._lock is not None:
             os.close(self._lock)
             self._lock = None
@@ -227,17 +231,16 @@ def _tell_set_aside(former: Path, folder: Path, why: str) -> None:
 
 
 class OutFolder:
-    """Claims a folder for the files of one command. A context manager.
+    """Context manager that claims a folder for the files of one command.
 
-    Everything that can be wrong with it is found when it is entered, before any work is
-    done. Files are written in place, so what a killed process leaves is there to be
-    read. Files of ours that stand there from before are replaced only on request,
-    anybody else's never. An error takes away what was written and brings back what was
-    there, unless what was written is worth keeping (:meth:`keep`).
+    Entering it checks the folder before any work is done. Files are written in place,
+    so the files of a killed process can be read. Former files of the same command are
+    replaced only on request, other files never. After an error the written files are
+    removed and the former files brought back, unless :meth:`keep` was called.
 
     Attributes:
-        out: as the user gave it; None for files that nobody keeps.
-        path: where to write.
+        out: as the user gave it; None for files that are not kept.
+        path: folder to write to.
     """
 
     def __init__(
@@ -250,15 +253,15 @@ class OutFolder:
         reads: Collection[Path] = (),
         overwrite: bool = False,
     ) -> None:
-        """Say what is to be claimed.
+        """Describe the folder; entering the context claims it.
 
         Args:
             out: the folder; None for a temporary one.
             marker: file that every folder of its kind holds.
-            content: what such a folder is, for errors, such as "a run".
+            content: name of such a folder for errors, such as "a run".
             ours: patterns of the names of all files that the command writes.
-            reads: files that the command has yet to read, and so does not remove.
-            overwrite: replace our own files of before.
+            reads: files that the command has yet to read; they are not removed.
+            overwrite: replace the command's former files.
         """
         self.out = out
         self._keeps = False
@@ -273,7 +276,7 @@ class OutFolder:
         """Claim the folder.
 
         Raises:
-            UsageError: it is in use, or holds something.
+            UsageError: it is in use, or holds files that may not be replaced.
             EnvironmentFailedError: nothing can be written there.
         """
         if self.out is None:
@@ -294,7 +297,7 @@ class OutFolder:
         return self
 
     def __exit__(self, kind: object, error: object, trace: object) -> None:
-        """Release the folder; without anything worth keeping it is as before."""
+        """Release the folder; after an error restore it, unless its files are kept."""
         if self.out is None:
             shutil.rmtree(self.path, ignore_errors=True)
             return
@@ -307,15 +310,15 @@ class OutFolder:
                 self._bring_back(self._former)
                 self._former = None
             if self._is_new:
-                with suppress(OSError):  # somebody else put something there
+                with suppress(OSError):  # another program put a file there
                     self.path.rmdir()
         self._forget_former()
         self._release()
 
     def settle(self) -> None:
-        """Bring back what a killed command set aside here, for who is about to read.
+        """Bring back the files that a killed command set aside here, before a reading.
 
-        It is said; where it cannot be done, it is said where the files are.
+        A warning tells of it. If they cannot be brought back, it tells where they are.
         """
         if not self._formers():
             return
@@ -337,24 +340,24 @@ class OutFolder:
             _tell_set_aside(former, self.path, why)
 
     def keep(self) -> None:
-        """Have the files stay from now on whatever happens, and those of before go."""
+        """Make the new files stay whatever happens, and remove the former ones."""
         if not self._keeps:
             self._keeps = True
             self._forget_former()
 
     def _forget_former(self) -> None:
         if self._former is not None:
-            # Under another name first: half of it would be taken for all there was.
+            # Rename first: a half-removed folder would be taken for all former files.
             going = self._former.with_name(f"{_GOING}{self._former.name}")
             shutil.rmtree(self._former.rename(going), ignore_errors=True)
         self._former = None
 
     def _end_what_was_killed(self) -> None:
-        """Do what a command that was killed had no time for; nobody else is here."""
+        """Finish the work of a killed command; the caller holds the lock."""
         for going in self.path.glob(f"{_GOING}{_FORMER}*"):
             shutil.rmtree(going, ignore_errors=True)
         formers = self._formers()
-        if len(formers) == 1:  # of several, nobody knows which is to stand there
+        if len(formers) == 1:  # of several, nobody knows which one is right
             self._bring_back(formers[0])
             _LOG.warning(
                 "%s: brought back the files that a killed command had set aside",
@@ -362,17 +365,17 @@ class OutFolder:
             )
 
     def _formers(self) -> list[Path]:
-        """Folders with what commands set aside: they still run, or were killed."""
+        """Folders with files set aside by commands that still run or were killed."""
         return sorted(self.path.glob(f"{_FORMER}*"))
 
     def _bring_back(self, former: Path) -> None:
-        """Move what was there before to its place; what stands there was not kept."""
-        if (former / self._marker).is_file():  # the last to go: all of it is in there
+        """Move the former files back to their place; the new ones were not kept."""
+        if (former / self._marker).is_file():  # set aside last: all files are in there
             for file in self._files(self.path):
                 file.unlink()
         for file in self._files(former):
             file.replace(self.path / file.name)
-        with suppress(OSError):  # somebody else put something there
+        with suppress(OSError):  # another program put a file there
             former.rmdir()
 
     def _release(self) -> None:
@@ -406,7 +409,7 @@ class OutFolder:
             file.replace(self._former / file.name)
 
     def _files(self, folder: Path) -> list[Path]:
-        """Files of ours in a folder, the marker first."""
+        """Files of this command in a folder, the marker first."""
         names = (self._marker, *self._ours)
         found = dict.fromkeys(file for name in names for file in folder.glob(name))
         return [file for file in found if file.is_file() or file.is_symlink()]

@@ -1,20 +1,20 @@
-"""How a run went: one word with when and why, and all its figures.
+"""Outcome of a run: one word, its time and reason, and all figures.
 
-The rules, in this order; the first that holds decides:
+The rules are tried in this order; the first that holds decides:
 
 1. **fell**, by the simulator's criterion.
 2. **interrupted**: robot or stabilizer were asked to end before the run was over.
-3. **not_controlled**: nobody took command; or nobody answered; or of the ticks after
-   the calibration more than half had a QP that was not solved, so that the posture was
-   only kept; or the robot refused commands in more than half of its ticks.
+3. **not_controlled**: nobody took command; or nobody answered; or the QP was not solved
+   in more than half of the ticks after the calibration, so that the posture was only
+   kept; or the robot refused commands in more than half of its ticks.
 4. **fault**: the robot's gate ended in FAULT.
 5. **held**: the gate ended in HOLD or OFF, or the stabilizer had given up.
-6. **walked**: it was given steps, has taken all of them, and stands.
+6. **walked**: the robot was given steps, has taken all of them, and stands.
 7. **stood**.
 
-In real time a fall, a hold or a fault is put down to the machine when the gate found
-the loop too slow, or when more than 5 % of the commands that were due before came late
-or not at all.
+In real time a slow machine counts as the cause of a fall, a hold or a fault if the gate
+found the loop too slow, or if more than 5 % of the commands due before it came late or
+not at all.
 """
 
 from __future__ import annotations
@@ -36,12 +36,12 @@ if TYPE_CHECKING:
     from surefoot.run_plan import RunPlan
 
 LARGEST_UNSOLVED_SHARE = 0.5
-"""Share of ticks in which nothing was balanced, above which nobody was in control."""
+"""Share of ticks without a solved QP, above which nobody was in control."""
 LATE_SHARE = 0.05
-"""Share of late commands, above which a slow machine is the cause of a failure."""
+"""Share of late commands above which a slow machine is the cause of a failure."""
 _TO_THE_END = (EndReason.NONE, EndReason.RUN_OVER)
 _ITS_COMMANDERS = (ModeCause.REQUESTED, ModeCause.RELEASED)
-"""Why a gate holds: the stabilizer had it so, and knows why."""
+"""Causes of a hold that the stabilizer asked for; it knows the reason."""
 
 
 class Judgement(NamedTuple):
@@ -52,7 +52,7 @@ class Judgement(NamedTuple):
 
     @property
     def sentence(self) -> str:
-        """Both, for people: ``fell at 1.40 s: the base leans by 61 deg``."""
+        """Outcome and detail as text: ``fell at 1.40 s: the base leans by 61 deg``."""
         return f"{plain(self.outcome)} {self.detail}"
 
 
@@ -63,12 +63,12 @@ def judge(
     is_realtime: bool = False,
     period_s: float,
 ) -> Judgement:
-    """Say how a run went, by the rules at the top.
+    """Judge a run by the rules at the top of this module.
 
     Args:
-        plant: what the robot measured.
-        controller: what the stabilizer measured; None where only the robot is known.
-        is_realtime: whether time went by the clock, so that a machine can be too slow.
+        plant: figures of the robot's side.
+        controller: figures of the stabilizer's side; None if only the robot is known.
+        is_realtime: whether the run was in real time, where a machine can be too slow.
         period_s: of the robot's ticks [s].
     """
     slow = _slow_machine(plant, period_s=period_s) if is_realtime else ""
@@ -92,7 +92,7 @@ def judge(
 
 
 def _up(plant: PlantResult, walk: WalkReport | None) -> Judgement:
-    """Whether it stood, or walked all the way that it was to walk."""
+    """Whether it stood, or walked all its steps."""
     detail = f"{plant.duration_s:g} s"
     if walk is None:
         return Judgement(Outcome.STOOD, detail)
@@ -106,7 +106,7 @@ def _up(plant: PlantResult, walk: WalkReport | None) -> Judgement:
 
 
 def _unfinished(walk: WalkReport) -> str:
-    """What is missing of a walk that no plan was refused in."""
+    """The missing part of a walk in which no plan was refused."""
     if not walk.steps_planned:
         return "there was no time for a step, or none was planned"
     if not walk.is_over:
@@ -117,7 +117,7 @@ def _unfinished(walk: WalkReport) -> str:
 
 
 def _fall(plant: PlantResult, controller: ControllerResult | None, slow: str) -> str:
-    """When it fell and how one knows; what had gone wrong before."""
+    """Time of the fall, the criterion, and the faults before it."""
     gate = plant.gate
     before = ""
     if gate.mode is not RobotMode.ACTIVE:
@@ -130,7 +130,7 @@ def _fall(plant: PlantResult, controller: ControllerResult | None, slow: str) ->
 
 
 def _stopped(plant: PlantResult, controller: ControllerResult | None) -> str | None:
-    """Who asked the run to end before its time; None when nobody did."""
+    """Who asked the run to end early; None when nobody did."""
     if plant.end is ModeCause.STOPPED:
         return plant.end_detail
     if controller is not None and controller.end is EndReason.STOPPED:
@@ -139,7 +139,7 @@ def _stopped(plant: PlantResult, controller: ControllerResult | None) -> str | N
 
 
 def _idle(plant: PlantResult, controller: ControllerResult | None) -> str:
-    """Why nobody can be said to have controlled the robot; empty if somebody did."""
+    """Why nobody controlled the robot; empty if somebody did."""
     if plant.end is ModeCause.NO_COMMANDER:
         return plant.end_detail
     refused = sum(plant.refused.values())
@@ -167,7 +167,7 @@ def _hold(plant: PlantResult, controller: ControllerResult | None, slow: str) ->
 
 
 def _given_up(controller: ControllerResult | None) -> str:
-    """Why the stabilizer did, in words; empty when it went on, or is not known."""
+    """Why the stabilizer gave up, in words; empty if it went on or is not known."""
     if controller is None or controller.end in _TO_THE_END:
         return ""
     return in_words(controller.end, controller.end_detail)
@@ -178,7 +178,7 @@ def _since(time_s: float, why: str) -> str:
 
 
 def _slow_machine(plant: PlantResult, *, period_s: float) -> str:
-    """That the machine was the cause, in words; empty when it was not."""
+    """Why the machine was too slow, in words; empty when it was not."""
     gate = plant.gate
     is_active = gate.mode is RobotMode.ACTIVE
     commanded_s = plant.duration_s if is_active else gate.since_s
@@ -189,12 +189,12 @@ def _slow_machine(plant: PlantResult, *, period_s: float) -> str:
 
 
 class Sides(NamedTuple):
-    """What the two sides of a run measured.
+    """Figures of both sides of a run.
 
     Attributes:
-        plant: the robot's side.
+        plant: the robot's.
         controller: the stabilizer's; None when its process left nothing.
-        relay: of the relay between them, if there was one.
+        relay: those of the relay between them; None without one.
     """
 
     plant: PlantResult
@@ -219,7 +219,7 @@ _NOTHING = ControllerResult(
 
 
 def join_result(plan: RunPlan, sides: Sides) -> RunResult:
-    """Join both sides of a run into the object scripts read."""
+    """Join both sides of a run into its result, the object that scripts read."""
     plant, answered, relay = sides
     outcome, detail = judge(
         plant,
@@ -229,7 +229,7 @@ def join_result(plan: RunPlan, sides: Sides) -> RunResult:
     )
     controller = answered or _NOTHING
     measured = [side for side in (controller.walk, controller, plant) if side]
-    figures: dict[str, Any] = {  # of a name that both sides have, the plant's
+    figures: dict[str, Any] = {  # both sides have some names: the plant's figure counts
         name: getattr(side, name)
         for side in measured
         for name in set(RunResult.__struct_fields__) & set(side.__struct_fields__)

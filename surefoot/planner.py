@@ -1,4 +1,4 @@
-"""Turns a velocity into footsteps for a robot on the bus, as long as it walks."""
+"""Plans footsteps at a velocity for a robot on the bus; ``surefoot walk`` uses it."""
 
 from __future__ import annotations
 
@@ -22,41 +22,41 @@ from surefoot.stabilizer.walking.footsteps import (
 )
 
 STEPS_AHEAD = 5
-"""A planner that is gone leaves the robot so many steps; then it stands."""
+"""Planned steps; if the planner is lost, the robot takes these and stands."""
 PERIOD_S = 0.1
-"""Plans are sent so often: one that is lost is made up for by the next."""
+"""From plan to plan [s]; the next plan replaces a lost one."""
 SILENCE_S = 5.0
-"""Given up after so long without a stabilizer, its word of a walk, or a plan taken."""
+"""Time without stabilizer, walk status or accepted plan until the planner fails [s]."""
 NO_ANSWER_S = 1.0
-"""Who is asked for an end does not wait for one who has been silent for so long."""
+"""Silence of the stabilizer after which a planner asked to end does not wait [s]."""
 
 NOT_HEARD = (
     "does not hear them; on a bus with certificates dial with the planner's or the "
     "operator's"
 )
-"""Who may plan is decided by who listens, and others are not told."""
+"""The stabilizer decides who may plan; it does not tell those it ignores."""
 ENDS = (ModeCause.RUN_OVER, ModeCause.FELL, ModeCause.STOPPED, ModeCause.NO_COMMANDER)
-"""Causes of a robot that is off for good."""
+"""Causes after which a robot stays off."""
 
 
 class VelocityPlanner:
-    """Footsteps for a velocity that may change at any time; no bus, no clock.
+    """Plans footsteps for a velocity that may change at any time; no bus, no clock.
 
     Attributes:
         pace: velocity and times; may be replaced while the robot walks.
     """
 
     def __init__(self, pace: Pace, *, half_width: float) -> None:
-        """Begin, each sole ``half_width`` from the middle when it stands [m]."""
+        """Begin; a standing robot's soles are ``half_width`` from the middle [m]."""
         self.pace = pace
         self._half_width = half_width
 
     def plan(self, status: WalkStatus | None, *, count: int = STEPS_AHEAD) -> WalkPlan:
-        """Plan on from where the feet are being set.
+        """Plan the steps after those that have begun.
 
         Args:
-            status: the walk's newest word; None of a robot that has not walked yet.
-            count: steps; none bring the feet together.
+            status: newest status of the walk; None if the robot has not walked yet.
+            count: number of steps; 0 brings the feet together.
         """
         first_id, first_side = 0, None
         feet = [
@@ -84,7 +84,7 @@ class VelocityPlanner:
         )
 
     def _middle(self, feet: list[Foothold], first_side: int | None) -> Foothold:
-        """Between the feet; on the way, beside the foot that was set last."""
+        """Middle between the feet; during a walk, beside the foot that was set last."""
         if first_side is None:
             left, right = feet
             return Foothold(
@@ -110,20 +110,20 @@ def walk_on_bus(
     steps: int | None,
     stop: StopRequest,
 ) -> WalkStatus | None:
-    """Have a robot walk until it has taken some steps, or somebody asks for an end.
+    """Let a robot walk until it has taken some steps, or until a stop is asked for.
 
     Args:
         client: connected.
-        planner: of the steps.
+        planner: plans the steps.
         steps: how many; None for no end.
-        stop: asks for an end: the feet come together first, unless it is urgent.
+        stop: asks for an end; the feet come together first, unless it is urgent.
 
     Returns:
-        The walk's last word; None when there was none before somebody asked for an end.
+        The last status of the walk; None if there was none before the stop.
 
     Raises:
-        RobotUnreachableError: there is no stabilizer that walks, or it has gone, or the
-            robot has, or is in fault, or has ended before all steps were taken.
+        RobotUnreachableError: there is no stabilizer that walks; or stabilizer or robot
+            is gone; or the robot is in fault, or ended before all steps were taken.
     """
     heard_s = time.monotonic()
     last_word: WalkStatus | None = None
@@ -133,7 +133,7 @@ def walk_on_bus(
     while not stop.is_urgent:
         status = client.status()
         if status is not None and status is not last_word:
-            # One that begins anew counts from the first step again.
+            # A restarted stabilizer counts its steps from the first again.
             before = status if last_word is None else last_word
             taken += max(0, status.last_step - before.last_step)
             heard_s, last_word = time.monotonic(), status
@@ -163,7 +163,7 @@ def walk_on_bus(
             plan = planner.plan(status, count=left)
             client.send(plan)
             sent.add(plan.stamp_ns)
-            if status is None:  # its ids are a guess: the robot may have walked before
+            if status is None:  # step ids are a guess: the robot may have walked before
                 blind.add(plan.stamp_ns)
             asked_s = min(asked_s, time.monotonic())
         else:
@@ -173,7 +173,7 @@ def walk_on_bus(
 
 
 def _run_is_over(client: PlannerClient) -> bool:
-    """Whether the robot has gone to its run's end, and said so."""
+    """Whether the robot has reported the end of its run."""
     said = client.robot_status()
     return said is not None and said.cause is ModeCause.RUN_OVER
 
@@ -181,7 +181,7 @@ def _run_is_over(client: PlannerClient) -> bool:
 def _missing(
     client: PlannerClient, silence_s: float, last_word: WalkStatus | None
 ) -> str:
-    """What a walk lacks, in words; empty while there is hope."""
+    """Why the walk cannot go on, in words; empty while it can."""
     said = client.robot_status()
     if said is not None:
         why = in_words(said.cause, said.detail)

@@ -1,4 +1,4 @@
-"""How far long work is: a bar that whoever starts it may show."""
+"""Progress of long work: the interface of a bar that the caller may provide."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from typing import Protocol
 
 
 class CountBar(Protocol):
-    """Opens a bar that counts; entering it gives a function to call after each."""
+    """Opens a bar that counts. Entering it gives a function to call after each item."""
 
     def __call__(
         self, title: str, *, total: int, done: int, of: str = "runs"
@@ -16,10 +16,10 @@ class CountBar(Protocol):
         """Open the bar.
 
         Args:
-            title: what is under way.
-            total: of all things.
-            done: already, before now.
-            of: what the things are called.
+            title: name of the work.
+            total: number of all items.
+            done: number of items done before now.
+            of: name of the items.
         """
 
 

@@ -1,8 +1,8 @@
-"""A run without the bus but with a relay's faults, in simulated time.
+"""A run with a relay's faults in simulated time, without the bus.
 
 Every message is encoded, meets the same faults as in a relay, and is decoded and judged
-as on the bus; only the time it takes is simulated. So the run is the same bit for bit,
-however busy the machine is.
+as on the bus. Only its travel time is simulated: the run is the same bit for bit on a
+busy machine. ``surefoot.runs`` uses it for plans with a relay.
 """
 
 from __future__ import annotations
@@ -34,18 +34,18 @@ from surefoot.simulation import COMMANDER, Simulation, command_of
 from surefoot.stabilizer.control.controller import ControllerOutput
 
 LOOK_EVERY_TICKS = 20
-"""The stabilizer looks at the robot's status every 20 ticks, as it is told of it."""
+"""The stabilizer looks at the robot's status, and gets it, every 20 ticks."""
 INSTANT_S = 1e-9
-"""A message due at the very instant has come, whatever its last bit says."""
+"""Tolerance for rounding: a message due at this instant has arrived [s]."""
 
 
 class RelayedSimulation(Simulation):
-    """Robot and stabilizer in turn, each tick, with their messages on the way.
+    """Robot and stabilizer, advanced in turn at each tick, with delayed messages.
 
     The order is that of the robot's real-time loop, in simulated time.
 
     Attributes:
-        modes: modes the robot has been in, with their beginnings: (time [s], mode,
+        modes: modes of the robot so far, each with its beginning: (time [s], mode,
             cause).
     """
 
@@ -87,7 +87,7 @@ class RelayedSimulation(Simulation):
         return output
 
     def sides(self, *, histogram: bool = False) -> Sides:
-        """What both sides and the relay measured so far."""
+        """Return the figures of both sides and the relay so far."""
         relay = RelayResult(
             plan=self._faults.name,
             counts={name: dict(lane.counts) for name, lane in self._lanes.items()},
@@ -116,7 +116,7 @@ class RelayedSimulation(Simulation):
     def _attend(
         self, controller: Any, now_s: float, reference: Reference | None
     ) -> ControllerOutput | None:
-        """The stabilizer's answer to what it hears, if there is anything."""
+        """The stabilizer's answer to the arrived messages, if there are any."""
         reading = self._heard.next(now_s)
         if reading is None:
             return None
@@ -142,7 +142,7 @@ class RelayedSimulation(Simulation):
         return output
 
     def _take_commands(self, tick: int, now_s: float) -> None:
-        """The robot judges what has come, and follows the last that it accepts."""
+        """Let the robot judge the arrived commands and follow the last accepted one."""
         accepted = None
         while (data := self._on_the_way.take_due(now_s + INSTANT_S)) is not None:
             command = read_command(data, self.gate)
@@ -164,7 +164,7 @@ class RelayedSimulation(Simulation):
             self.modes.append((now_s, modes.mode, modes.cause))
 
     def _why_end(self) -> tuple[EndReason, str]:
-        """Why the stabilizer ends; ``none`` to go on."""
+        """Reason for the stabilizer to end; ``none`` to go on."""
         modes = self.gate.modes
         if modes.mode is RobotMode.FAULT:
             return EndReason.ROBOT_FAULT, modes.detail
@@ -174,16 +174,16 @@ class RelayedSimulation(Simulation):
 
 
 class HeardSensor(Generic[M]):
-    """Messages of one sensor on their way, and those that have come.
+    """Messages of one sensor: those under way and those that have arrived.
 
     Attributes:
         latest: newest message taken; None before the first.
-        newest: tick of the newest message that has come.
-        is_lost: it kept the others waiting, and is not waited for until it is back.
+        newest: tick of the newest message that has arrived.
+        is_lost: the sensor stayed away; it is not waited for until it is back.
     """
 
     def __init__(self, kind: type[M], *, joint_count: int) -> None:
-        """Nothing has come."""
+        """Begin without messages."""
         self.latest: M | None = None
         self.is_lost = False
         self._kind = kind
@@ -198,11 +198,11 @@ class HeardSensor(Generic[M]):
         return NEVER if self.latest is None else self.latest.tick
 
     def send(self, parcel: Parcel) -> None:
-        """Put a message on its way."""
+        """Send a message; it arrives at the parcel's time."""
         self._coming.put(parcel.data, at_s=parcel.at_s)
 
     def hear(self, now_s: float) -> None:
-        """Read what has come; what is unreadable, old or twice is left out."""
+        """Read the arrived messages; drop unreadable, old and repeated ones."""
         while (data := self._coming.take_due(now_s + INSTANT_S)) is not None:
             try:
                 message = decode(data, self._kind, joint_count=self._joint_count)
@@ -213,7 +213,7 @@ class HeardSensor(Generic[M]):
                 self._waiting.append(message)
 
     def take_up_to(self, tick: int) -> None:
-        """Take messages up to one of a tick; the last of them counts."""
+        """Take the messages up to a tick; the last of them counts."""
         while self._waiting and self._waiting[0].tick <= tick:
             self.latest = self._waiting.pop(0)
 
@@ -221,13 +221,13 @@ class HeardSensor(Generic[M]):
 class DelayedSensors:
     """All sensors of a robot, joined into snapshots; the newest tick wins.
 
-    They are joined as the client's assembler does, without a bus: the last sensor to
-    be sent says that a tick is there, one that is late is waited for, one that stays
-    away is given up.
+    They are joined as in the client's assembler, without a bus. The message of the
+    sensor that is sent last announces a tick. A late sensor is waited for; one that
+    stays away is given up.
     """
 
     def __init__(self, *, joint_count: int) -> None:
-        """Nothing has come."""
+        """Begin without messages."""
         self.sensors: dict[str, HeardSensor[Any]] = {
             entry.name: HeardSensor(entry.message, joint_count=joint_count)
             for entry in SENSORS
@@ -238,7 +238,7 @@ class DelayedSensors:
         self._is_waiting = False
 
     def next(self, now_s: float) -> SnapshotReading | None:
-        """Return the snapshot to answer now; None while there is none."""
+        """Return the snapshot to answer now; None if there is none."""
         for sensor in self.sensors.values():
             sensor.hear(now_s)
         newest = max(sensor.newest for sensor in self.sensors.values())

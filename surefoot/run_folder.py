@@ -30,7 +30,7 @@ RECORD = "run.mcap"
 QP_FAILURE = "qp-failure.npz"
 _T = TypeVar("_T", bound=msgspec.Struct)
 MARKER = "run.json"
-"""Every folder of a run holds this file; a folder without it is no run."""
+"""Every folder of a run holds this file."""
 NO_RUN = (
     f"not the folder of a run, {MARKER} is missing; name what `surefoot run --out` was "
     "given"
@@ -39,13 +39,13 @@ _ENDS = ("", ".partial")
 
 
 class About(msgspec.Struct, kw_only=True, frozen=True):
-    """What ``run.json`` says: what was run, by whom, and with what.
+    """Content of ``run.json``: the run, its command and its packages.
 
-    What only tells may be missing, as in runs of another release.
+    Fields that only inform may be missing, as in runs of another release.
     """
 
     command: list[str] = []
-    """Name of the program, and its words."""
+    """Name of the program, and its arguments."""
     scenario: str
     robot: str
     """A shipped name or a path."""
@@ -56,11 +56,11 @@ class About(msgspec.Struct, kw_only=True, frozen=True):
     relay: str | None = None
     """Name of the relay's plan; None without a relay."""
     started: str = ""
-    """In UTC, as ISO 8601 writes it."""
+    """Start in UTC, as ISO 8601."""
     python: str = ""
     platform: str = ""
     packages: dict[str, str | None] = {}
-    """Name to version; None for one that is not installed."""
+    """Version by name; None for a package that is not installed."""
 
 
 RUN_FILES = (
@@ -72,17 +72,17 @@ RUN_FILES = (
     *("endpoints.toml", "beyond-endpoints.toml"),
     *(VIDEO, STILL),
 )
-"""Everything a run writes; nothing else in its folder is ever touched."""
+"""All files that a run writes; it never touches other files in its folder."""
 
 
 def run_folder(
     out: Path | None, *, reads: Collection[Path] = (), overwrite: bool = False
 ) -> OutFolder:
-    """The folder of a run that is about to begin.
+    """Return the folder of a run that is about to begin.
 
     Args:
-        out: where it goes; None for a run that keeps nothing.
-        reads: files that it has yet to read, such as those of its plan.
+        out: path of the folder; None for a run that keeps nothing.
+        reads: files that the run has yet to read, such as those of its plan.
         overwrite: replace the files of a former run there.
     """
     return OutFolder(
@@ -96,10 +96,10 @@ def run_folder(
 
 
 def write_inputs(folder: Path, plan: RunPlan) -> None:
-    """Write what a run depends on: scenario, settings, relay plan, and who ran it.
+    """Write the inputs of a run: scenario, settings, relay plan and ``run.json``.
 
-    With the scenario, the settings and the seed in ``run.json`` the run can be done
-    again.
+    The run can be repeated with the scenario, the settings and the seed in
+    ``run.json``.
     """
     (folder / SCENARIO).write_text(plan.scenario_text, encoding="utf-8")
     for file, name in plan.recordings.items():
@@ -124,7 +124,7 @@ def write_inputs(folder: Path, plan: RunPlan) -> None:
 
 
 def write_result(folder: OutFolder, result: RunResult) -> RunResult:
-    """Write the figures of a run, the last of its files.
+    """Write the figures of a run; this file is the last one written.
 
     Returns:
         The figures, with the folder's name in them.
@@ -136,16 +136,16 @@ def write_result(folder: OutFolder, result: RunResult) -> RunResult:
 
 
 def settle_run(place: Path) -> None:
-    """Before a run is read, bring back what a killed command set aside of it.
+    """Bring back a run's files that a killed command set aside, before a reading.
 
     Args:
-        place: its folder, or a file in it, which may be what is missing.
+        place: folder of the run, or a file in it, which may be missing.
     """
     run_folder(place if place.is_dir() else place.parent).settle()
 
 
 def folder_of_run(place: Path) -> Path:
-    """The folder of a run, which any file in it tells as well."""
+    """Return the folder of a run, given this folder or any file in it."""
     settle_run(place)
     is_inside = place.is_file() and (place.parent / MARKER).is_file()
     return place.parent if is_inside else place
@@ -159,13 +159,13 @@ def record_of_run(place: Path) -> Path:
 
 
 def read_ends(folder: Path) -> tuple[RunResult, About]:
-    """Figures of a finished run, and what was noted at its start.
+    """Read the figures of a finished run, and its ``run.json``.
 
     Returns:
-        The result; and what was run, by whom and with what.
+        The result, and the content of ``run.json``.
 
     Raises:
-        UsageError: it is no finished run, or damaged.
+        UsageError: it is not a finished run, or damaged.
     """
     settle_run(folder)
     if folder.is_file():
@@ -199,10 +199,10 @@ def read_ends(folder: Path) -> tuple[RunResult, About]:
 
 
 def read_run(folder: Path) -> tuple[RunResult, RunPlan]:
-    """Figures of a finished run, and what was run.
+    """Read the figures of a finished run, and its plan.
 
     Raises:
-        UsageError: it is no finished run, or damaged.
+        UsageError: it is not a finished run, or damaged.
     """
     result, about = read_ends(folder)
     with naming_run(folder):
@@ -221,10 +221,10 @@ def read_run(folder: Path) -> tuple[RunResult, RunPlan]:
 
 @contextmanager
 def naming_run(folder: Path) -> Iterator[None]:
-    """Say what to do about the robot of a kept run, where that cannot be loaded.
+    """Turn the error for a kept run's robot file into one that tells what to do.
 
     Raises:
-        UsageError: its file was moved, removed or changed since.
+        UsageError: the robot's file was moved, removed or changed since.
     """
     try:
         yield
@@ -236,5 +236,5 @@ def naming_run(folder: Path) -> Iterator[None]:
 
 
 def read_struct(path: Path, kind: type[_T]) -> _T:
-    """Read the struct that a file of JSON holds."""
+    """Read a struct from a JSON file."""
     return msgspec.json.decode(path.read_bytes(), type=kind)

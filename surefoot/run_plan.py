@@ -1,4 +1,7 @@
-"""Everything a run depends on, loaded and checked before anything starts."""
+"""The plan of a run: all its inputs, loaded and checked before anything starts.
+
+Runs in one process and on the bus, studies and searches are made from plans.
+"""
 
 from __future__ import annotations
 
@@ -36,29 +39,29 @@ from surefoot.stabilizer.factory import check_read, check_settings, find_setting
 
 Mode = Literal["lockstep", "realtime", "inline"]
 Settings = ControllerSettings | Mapping[str, Any] | str | Path | None
-"""Settings as they may be given: resolved, ``{"tsid.base_kp": 120.0}``, the name of
-shipped settings, a file, or None for the defaults."""
+"""Accepted forms of settings: resolved settings, ``{"tsid.base_kp": 120.0}``, the name
+of shipped settings, a file, or None for the defaults."""
 
 _log = logging.getLogger("surefoot.run")
 
 
 @dataclass(frozen=True)
 class RunPlan:
-    """What is run.
+    """All inputs of a run.
 
     Attributes:
-        scenario: what happens.
+        scenario: ground, pushes and faults.
         scenario_name: shipped name, name of the file without its suffix, or the
             scenario's own name where it was built in Python.
         scenario_path: the scenario's file; None where it was built in Python.
-        robot: its files, with the servo profile in use.
+        robot: the robot, with the servo profile in use.
         robot_name: a shipped name, or the whole path of its file.
         controller: name of the control law; see
             :func:`surefoot.stabilizer.factory.find_controller`.
         settings: resolved: defaults, file and overrides.
         seed: of the sensor noise.
         mode: how the two sides are paced.
-        relay: faults of a relay between the two, if there is one.
+        relay: faults of a relay between the two; None without a relay.
         relay_path: the file of these faults.
     """
 
@@ -88,7 +91,7 @@ class RunPlan:
 
     @property
     def recordings(self) -> dict[str, str]:
-        """Files of recorded ground, and what they are called in the run's folder."""
+        """Files of recorded ground, each with its name in the run's folder."""
         files = dict.fromkeys(motion.file for motion in recordings(self.scenario))
         return {
             file: f"ground-{index}{Path(file).suffix}"
@@ -97,13 +100,13 @@ class RunPlan:
 
     @property
     def files(self) -> list[Path]:
-        """Files that are read again as the run begins, and during it."""
+        """Files that the run reads again at its start or later."""
         paths = (self.scenario_path, self.relay_path, *map(Path, self.recordings))
         return [path for path in paths if path is not None]
 
     @property
     def scenario_text(self) -> str:
-        """The scenario as TOML: its file as it stands, or written from the struct.
+        """The scenario as TOML: the text of its file, or written from the struct.
 
         A scenario with recordings names the copies in the run's folder.
         """
@@ -133,7 +136,7 @@ def make_plan(
 
     Args:
         scenario: shipped name, path of a TOML, or a scenario built in Python.
-        robot: shipped name, path of a TOML, or a robot that was loaded.
+        robot: shipped name, path of a TOML, or a loaded robot.
         servo_profile: a profile of the robot file to use instead of its own choice.
         controller: name of the control law.
         settings: see :data:`Settings`.
@@ -141,18 +144,18 @@ def make_plan(
         seed: of the sensor noise, 0 or more.
         mode: how the two sides are paced.
         relay: a shipped relay plan or the path of one, for a relay between them.
-        scale_to_robot: make motions and pushes smaller that the robot cannot reach.
-        duration_s: of the run, instead of the scenario's [s].
-        pushes: besides the scenario's.
+        scale_to_robot: reduce motions and pushes that are too large for the robot.
+        duration_s: duration of the run instead of the scenario's [s].
+        pushes: pushes in addition to the scenario's.
 
     Raises:
-        UsageError: a relay in lockstep; a scenario that cannot be scaled or is none; a
-            push after the end; a seed that is none.
+        UsageError: a relay in lockstep; no scenario, or one that cannot be scaled; a
+            push after the end; an invalid seed.
         ScenarioError: no such scenario, or no such recording of its ground.
         RobotFileError: no such robot, or its files contradict each other.
-        FileFormatError: a file or an override is malformed, or settings contradict
-            each other, the robot or the scenario; an override that the controller
-            does not read.
+        FileFormatError: a file or an override is malformed; settings contradict each
+            other, the robot or the scenario; the controller does not read an
+            override.
     """
     _check_seed(seed)
     relay_path = None if relay is None else _find_relay_plan(relay, mode)
@@ -190,7 +193,7 @@ def make_plan(
     if scale_to_robot:
         world, told = fitted(world, model)
         if told:
-            path = None  # the run keeps what is run
+            path = None  # the run keeps the scenario as it is run
             _log.info("%s", told)
     is_shipped = not isinstance(robot, Robot) and Path(robot).suffix != ".toml"
     resolved = resolve_settings(settings, overrides=overrides)
@@ -216,7 +219,7 @@ def steps_of(name: str, robot: Robot, settings: ControllerSettings) -> WalkPlan:
 
     Raises:
         ScenarioError: no such scenario.
-        FileFormatError: it is malformed, or nobody walks in it.
+        FileFormatError: it is malformed, or has no walk.
     """
     path = find_scenario(name)
     scenario = load_scenario(path)
@@ -229,7 +232,7 @@ def steps_of(name: str, robot: Robot, settings: ControllerSettings) -> WalkPlan:
 
 
 def _steps(scenario: Scenario, robot: Robot, settings: ControllerSettings) -> WalkPlan:
-    # Slow import; report bad files first.
+    # The import is slow: report bad files first.
     from surefoot.stabilizer.walking.footsteps import plan_of
 
     assert scenario.walk is not None
@@ -242,7 +245,7 @@ def _check_seed(seed: int) -> None:
 
 
 def resolve_robot(robot: str | Path | Robot, servo_profile: str | None) -> Robot:
-    """Load a robot, or take a loaded one, with its own servo profile or another.
+    """Load a robot unless it is loaded, and select its servo profile.
 
     Raises:
         RobotFileError: no such robot, or its files contradict each other.
@@ -295,7 +298,7 @@ def resolve_settings(
 
 
 def given_singly(settings: Settings) -> list[str]:
-    """Names given as ``{"tsid.base_kp": 120.0}``; tables and files are for anybody."""
+    """Return names given as ``{"tsid.base_kp": 120.0}``, not by tables or files."""
     return [n for n in settings if "." in n] if isinstance(settings, Mapping) else []
 
 

@@ -1,4 +1,4 @@
-"""Runs as a notebook has them: in one process, or as two that meet on the bus."""
+"""Runs in one process or as two on the bus, for notebooks and ``surefoot run``."""
 
 from __future__ import annotations
 
@@ -45,8 +45,8 @@ class Run:
     Attributes:
         result: its figures; see :class:`RunResult`.
         plan: robot, scenario, controller, settings and seed.
-        folder: where it is kept; None while it is only in memory.
-        recorded: its signals, while they are only in memory.
+        folder: where the run is kept; None while it is only in memory.
+        recorded: its signals; None unless they are in memory.
     """
 
     result: RunResult
@@ -55,7 +55,7 @@ class Run:
     recorded: Signals | None = None
 
     def __repr__(self) -> str:
-        """Say what ran and how it went; the whole of it would fill pages."""
+        """Return inputs and outcome in short; the full run would fill pages."""
         r = self.result
         return (
             f"<Run of {r.scenario}: {r.robot}, {r.controller}, seed {r.seed}; "
@@ -64,10 +64,10 @@ class Run:
 
     @cached_property
     def signals(self) -> Signals:
-        """What is known of it at every tick, by name; ``signals.describe()`` lists it.
+        """Its signals at every tick, by name; ``signals.describe()`` lists them.
 
         Raises:
-            UsageError: it kept none, or nothing of them can be read.
+            UsageError: it kept no signals, or they cannot be read.
         """
         if self.recorded is not None:
             return self.recorded
@@ -79,18 +79,18 @@ class Run:
 
     @property
     def outcome(self) -> Outcome:
-        """How it went: ``stood``, ``fell``, ``held``, ...; see :class:`Outcome`."""
+        """Its outcome: ``stood``, ``fell``, ``held``, ...; see :class:`Outcome`."""
         return self.result.outcome
 
     def save(self, folder: str | Path, *, overwrite: bool = False) -> Run:
-        """Keep it in a folder, as ``surefoot run --out`` would.
+        """Save it in a folder, as ``surefoot run --out`` does.
 
         Args:
             folder: a new or empty one.
             overwrite: replace the files of a former run there.
 
         Returns:
-            The run as it is kept there.
+            The saved run.
 
         Raises:
             UsageError: the folder cannot be used, or the run was made without
@@ -114,7 +114,7 @@ class Run:
 
     @property
     def scenario(self) -> Scenario:
-        """What happened."""
+        """The scenario of the run."""
         return self.plan.scenario
 
 
@@ -142,7 +142,8 @@ def simulate(
             settings, a file, or None for the defaults.
         servo_profile: a profile of the robot file to use instead of its own choice.
         seed: of the sensor noise, 0 or more.
-        relay: a shipped relay plan or the path of one: its faults between the two.
+        relay: a shipped relay plan or the path of one; its faults act in simulated
+            time.
         record: keep every tick's signals.
         on_tick: called with each tick.
 
@@ -186,11 +187,11 @@ def run_inline(
         record: keep every tick's signals.
         folder: gets the record and a QP that could not be solved; None keeps both in
             memory.
-        histogram: whether the result holds one of the controller's times.
-        on_tick: told each tick.
+        histogram: whether the result holds a histogram of the controller's times.
+        on_tick: called with each tick.
 
     Raises:
-        RunInterrupted: Ctrl-C or SIGTERM; holds what there is of the run.
+        RunInterrupted: Ctrl-C or SIGTERM; the error holds the run so far.
     """
     if plan.relay is None:
         from surefoot.simulation import Simulation as Kind
@@ -242,10 +243,10 @@ def run(
         relay: a shipped relay plan or the path of one; in real time only.
         out: a new folder that keeps the run with every message of the bus; None
             keeps nothing on disk.
-        on_tick: called with the robot's tick now and then.
+        on_tick: called with the robot's tick from time to time.
 
     Raises:
-        ChildFailedError: one of the processes failed; holds its last words.
+        ChildFailedError: a process failed; the message quotes its last lines.
         UsageError: the folder cannot be used.
     """
     mode: Mode = "realtime" if realtime else "lockstep"
@@ -267,10 +268,10 @@ def load_run(folder: str | Path) -> Run:
     """Load a run from its folder.
 
     Args:
-        folder: what ``out`` or ``surefoot run --out`` was given, or a file in it.
+        folder: the folder given to ``out`` or ``surefoot run --out``, or a file in it.
 
     Raises:
-        UsageError: it is no finished run, or damaged.
+        UsageError: it is not a finished run, or damaged.
     """
     whole = folder_of_run(Path(folder))
     return Run(*read_run(whole), folder=whole)
@@ -287,7 +288,7 @@ def execute(
     priority: int | None = None,
     on_tick: Callable[[int], None] | None = None,
 ) -> Run:
-    """Run a plan as its mode says, and keep its folder.
+    """Run a plan in its mode, and keep its folder.
 
     Args:
         plan: what to run.
@@ -295,15 +296,15 @@ def execute(
         overwrite: replace the files of a former run there.
         endpoints: where two processes meet; on a private bus when None.
         view_port: serve a live page of two processes at this port; None for no page.
-        histogram: whether the result holds those of all times.
+        histogram: whether the result holds histograms of all times.
         priority: of SCHED_FIFO for two processes; None for ordinary ones.
-        on_tick: called with the present tick now and then.
+        on_tick: called with the present tick from time to time.
 
     Raises:
         ChildFailedError: one of the processes failed; the folder keeps the logs, and
-            the error holds what there is of the run.
-        RunInterrupted: Ctrl-C or SIGTERM; the folder keeps what was recorded, and the
-            error holds what there is of the run.
+            the error holds the run so far.
+        RunInterrupted: Ctrl-C or SIGTERM; the folder keeps the record, and the error
+            holds the run so far.
         UsageError: the folder cannot be used.
     """
     check_controller(plan.controller)
@@ -315,7 +316,7 @@ def execute(
         if plan.mode == "inline":
             result, error = _inline(plan, folder, histogram=histogram, on_tick=on_tick)
         else:
-            folder.keep()  # the logs of a failed run are what is needed next
+            folder.keep()  # the user needs the logs of a failed run
             from surefoot.processes.bus_run import run_processes
             from surefoot.robot_io.bus.bus import private_bus
 
@@ -351,7 +352,7 @@ def _inline(
     histogram: bool,
     on_tick: Callable[[int], None],
 ) -> tuple[RunResult, KeyboardInterrupt | None]:
-    """Run in this process, in a folder; figures, and what cut the run short."""
+    """Run in this process, in a folder; return figures and what cut the run short."""
 
     def begun(tick: int) -> None:
         folder.keep()
@@ -371,12 +372,12 @@ def _inline(
 
 
 def _sinks(folder: Path | None) -> AbstractContextManager[TickSinks]:
-    """Where the signals go: into files, or into memory without a folder."""
+    """Sinks of the signals: files in the folder, or memory without one."""
     return nullcontext(memory_sinks()) if folder is None else file_sinks(folder)
 
 
 def _name_of(controller: Any) -> str:
-    """Return what to call a controller in results."""
+    """Return a controller's name in results."""
     if isinstance(controller, str):
         return controller
     kind = controller if isinstance(controller, type) else type(controller)
@@ -384,7 +385,7 @@ def _name_of(controller: Any) -> str:
 
 
 def _made(controller: Any, plan: RunPlan) -> Any:
-    """Return the controller to run, made from a name or class if necessary."""
+    """Return the controller to run; make it if a name or class was given."""
     if controller is None or isinstance(controller, str):
         return make_controller(controller or plan.controller, plan.robot, plan.settings)
     if hasattr(controller, "step") and not isinstance(controller, type):

@@ -41,24 +41,23 @@ _HEADINGS = ("name", "shape", "unit", "frame", "columns", "meaning")
 
 
 class Signals(Mapping[str, SignalArray]):
-    """What is known of a run at every tick, by name.
+    """All signals of a run at every tick, by name.
 
-    ``signals["q"]`` is (n, n_a): the first axis are the ticks, those of the robot and
-    those of the controller joined. Arrays are read when they are first asked for, then
-    kept; they are not to be written. Where nobody told a signal, it is NaN, or -1 for
-    whole numbers.
+    ``signals["q"]`` is (n, n_a): the first axis is the ticks of robot and controller,
+    joined. An array is read at its first use, then kept; do not write to it. A signal
+    without a value at a tick is NaN there, or -1 for whole numbers.
 
     Attributes:
-        lost_ticks: ticks that could not be recorded, since the disk was too slow or
-            full.
-        is_cut_off: whether a file has no end; what is whole of it is here.
+        lost_ticks: number of ticks that were not recorded, since the disk was too slow
+            or full.
+        is_cut_off: whether a file has no end; its complete ticks are here.
     """
 
     def __init__(self, tables: Sequence[TickTable]) -> None:
-        """Join what the recorders of a run took in.
+        """Join the tables of a run's recorders.
 
         Args:
-            tables: of each recorder; the robot's first.
+            tables: one per recorder; the robot's first.
         """
         self._tables = list(tables)
         self._ticks = _join([table.read("tick") for table in tables if len(table)])
@@ -78,12 +77,12 @@ class Signals(Mapping[str, SignalArray]):
 
     @property
     def ticks(self) -> SignalArray:
-        """(n,) the robot's counter; the same as ``signals["tick"]``."""
+        """(n,) the robot's tick counter; the same as ``signals["tick"]``."""
         return self["tick"]
 
     @property
     def count(self) -> int:
-        """How many ticks there are."""
+        """Number of ticks."""
         return len(self._ticks)
 
     @property
@@ -92,7 +91,7 @@ class Signals(Mapping[str, SignalArray]):
         return self["time_s"]
 
     def layout(self, name: str) -> SignalLayout:
-        """Unit, frame, shape, labels and meaning of a signal.
+        """Return unit, frame, shape, labels and meaning of a signal.
 
         Raises:
             UnknownSignalError: the run has no such signal.
@@ -103,7 +102,7 @@ class Signals(Mapping[str, SignalArray]):
             raise UnknownSignalError(self._unknown(name)) from None
 
     def read(self, name: str, start: int, stop: int) -> SignalArray:
-        """Some rows of a signal, without keeping it; for runs that fill the memory.
+        """Read some rows of a signal and keep none: for runs that fill the memory.
 
         Args:
             name: of the signal.
@@ -129,13 +128,13 @@ class Signals(Mapping[str, SignalArray]):
             if len(here):
                 first, last = int(wanted.min()), int(wanted.max())
                 found = table.read(name, first, last + 1)
-                # Mostly every tick is there, in order: nothing to sort out then.
+                # Usually every tick is there, in order: nothing to sort.
                 is_plain = len(found) == len(here) == len(values)
                 values[here] = found if is_plain else found[wanted - first]
         return values
 
     def columns(self, start: int, stop: int) -> dict[str, SignalArray]:
-        """Some rows of all signals as plain columns, as tables have them.
+        """Return some rows of all signals as plain columns, for tables.
 
         Args:
             start: first row.
@@ -152,10 +151,10 @@ class Signals(Mapping[str, SignalArray]):
         return found
 
     def copy_to(self, sinks: TickSinks) -> None:
-        """Hand everything on, as the recorders of the run did.
+        """Write all signals to sinks, as the recorders of the run did.
 
         Args:
-            sinks: one for each recorder: the robot's, then the controller's.
+            sinks: the robot's and the controller's.
         """
         for table, sink in zip(self._tables, sinks, strict=False):
             form = BlockFormat(list(table.layouts.values()))
@@ -176,7 +175,7 @@ class Signals(Mapping[str, SignalArray]):
                     block = sink.put(block)
 
     def describe(self) -> str:
-        """All signals as a text table: name, shape, unit, frame, columns, meaning."""
+        """Return a text table: name, shape, unit, frame, columns and meaning."""
         rows = [_HEADINGS, *map(self._described, self._layouts.values())]
         widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
         lines = (
@@ -188,7 +187,7 @@ class Signals(Mapping[str, SignalArray]):
         return "\n".join(line.rstrip() for line in lines)
 
     def __getitem__(self, name: str) -> SignalArray:
-        """(n, *shape) a signal at every tick.
+        """Return a signal at every tick, (n, *shape).
 
         Raises:
             UnknownSignalError: the run has no such signal.
@@ -200,19 +199,19 @@ class Signals(Mapping[str, SignalArray]):
         return self._cache[name]
 
     def __contains__(self, name: object) -> bool:
-        """Whether the run has such a signal."""
+        """Return whether the run has such a signal."""
         return name in self._layouts
 
     def __iter__(self) -> Iterator[str]:
-        """Names, in the order of the table of signals."""
+        """Iterate over the names, in the order of the table of signals."""
         return iter(self._layouts)
 
     def __len__(self) -> int:
-        """How many signals there are."""
+        """Return the number of signals."""
         return len(self._layouts)
 
     def __repr__(self) -> str:
-        """Say how much there is."""
+        """Return the numbers of signals and ticks."""
         return f"<Signals: {len(self)} signals at {self.count} ticks>"
 
     def _described(self, layout: SignalLayout) -> tuple[str, ...]:
@@ -243,7 +242,7 @@ class Signals(Mapping[str, SignalArray]):
 
 
 class TickSinks(NamedTuple):
-    """Where the two sides of a run in one process put the signals of each tick."""
+    """Sinks for the signals of each tick, of both sides of a run in one process."""
 
     robot: TickSink
     controller: TickSink
@@ -256,7 +255,7 @@ def memory_sinks() -> TickSinks:
 
 @contextmanager
 def file_sinks(folder: Path) -> Iterator[TickSinks]:
-    """Write the signals of a run while it goes; the files end whole, however it ends.
+    """Write the signals during a run; the files are complete however the run ends.
 
     Args:
         folder: gets the two ticks files.
@@ -272,13 +271,13 @@ def file_sinks(folder: Path) -> Iterator[TickSinks]:
 
 
 def read_signals(place: str | Path) -> Signals:
-    """Read the signals of a run that was recorded.
+    """Read the signals of a recorded run.
 
     Args:
         place: folder of the run, or one ticks file.
 
     Raises:
-        UsageError: there is none, or nothing of it can be read.
+        UsageError: there is no record, or it cannot be read.
     """
     place = Path(place)
     settle_run(place)
@@ -310,13 +309,13 @@ class SignalsInfo(msgspec.Struct, kw_only=True):
     first_tick: int | None
     last_tick: int | None
     lost_ticks: int
-    """Ticks that a ticks file lacks, since the disk was too slow, or full."""
+    """Ticks missing from a ticks file, since the disk was too slow or full."""
     signals: dict[str, list[int]]
-    """Shape of each."""
+    """Shape of each signal, by name."""
 
 
 def signals_info(signals: Signals) -> SignalsInfo:
-    """Tell how much there is."""
+    """Return the signals of a run in figures."""
     count = signals.count
     return SignalsInfo(
         is_cut_off=signals.is_cut_off,
@@ -329,7 +328,7 @@ def signals_info(signals: Signals) -> SignalsInfo:
 
 
 def holds_signals(place: Path) -> bool:
-    """Whether a place is for :func:`read_signals`: a folder, or a ticks file."""
+    """Return whether a place is one for :func:`read_signals`: folder or ticks file."""
     settle_run(place)
     return place.is_dir() or is_tick_file(place)
 
@@ -353,7 +352,7 @@ def _join(ticks: list[SignalArray]) -> SignalArray:
 
 
 def _rows_at(ticks: SignalArray, own: SignalArray) -> SignalArray:
-    """Where a recorder has each tick, -1 where it has not; the last one if twice."""
+    """Row of each tick in a recorder: the last one of several, -1 if there is none."""
     order = np.argsort(own, kind="stable")
     at = np.searchsorted(own[order], ticks, side="right") - 1
     rows = order[np.maximum(at, 0)]

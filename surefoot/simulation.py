@@ -1,7 +1,7 @@
 """A run without the bus: plant, gate and controller in one process, tick by tick.
 
-Sensors, commands, gate and delays are those of lockstep on the bus, in the same order:
-the run is the same bit for bit.
+Sensors, commands, gate and delays are those of lockstep on the bus, in the same order.
+The run is the same bit for bit. Notebooks, tests and ``surefoot.runs`` use it.
 """
 
 from __future__ import annotations
@@ -45,7 +45,7 @@ COMMANDER = "inline"
 
 
 class Simulation:
-    """A robot in a scenario, advanced tick by tick by any controller.
+    """A robot in a scenario that any controller advances tick by tick.
 
     ::
 
@@ -77,8 +77,8 @@ class Simulation:
             robot: shipped name, path of a robot file, or a loaded robot.
             scenario: shipped name, path of a TOML, or a scenario built in Python.
             servo_profile: a profile of the robot file to use instead of its own.
-            settings: of the safety layer around the controller; a controller brings
-                its own. See :data:`surefoot.run_plan.Settings`.
+            settings: settings of the safety layer around the controller; the
+                controller has its own. See :data:`surefoot.run_plan.Settings`.
             seed: of the sensor noise.
             record: keep every tick's signals.
 
@@ -102,7 +102,7 @@ class Simulation:
 
         Args:
             plan: what to run.
-            sinks: get the signals of every tick; None keeps none.
+            sinks: for the signals of every tick; None keeps none.
         """
         made = cls.__new__(cls)
         made._build(plan, sinks)
@@ -147,7 +147,7 @@ class Simulation:
 
     @property
     def scenario(self) -> Scenario:
-        """What happens."""
+        """The scenario that is run."""
         return self.plan.scenario
 
     @property
@@ -182,10 +182,10 @@ class Simulation:
 
     @property
     def signals(self) -> Signals:
-        """Signals of all ticks so far, of a simulation with ``record=True``.
+        """Signals of all ticks so far; needs ``record=True``.
 
         Raises:
-            UsageError: it keeps none in memory.
+            UsageError: the simulation keeps no signals in memory.
         """
         tables = [sink for sink in self._sinks or () if isinstance(sink, MemoryTicks)]
         if not tables:
@@ -206,15 +206,15 @@ class Simulation:
 
         Args:
             controller: any object with ``start(snapshot, q_command)`` and
-                ``step(snapshot, reference)``. It is started when it is first given;
-                another one takes over from the posture the robot holds then.
-            reference: what a planner asks for.
+                ``step(snapshot, reference)``. It is started at its first tick. Another
+                controller takes over from the posture that the robot holds then.
+            reference: a planner's reference.
 
         Returns:
-            What the controller answered; None once the safety layer has ended it.
+            The controller's answer; None once the safety layer has ended it.
 
         Raises:
-            ControllerError: it breaks the controller protocol.
+            ControllerError: the controller breaks the controller protocol.
         """
         began_s = time.perf_counter()
         simulated = self.simulated
@@ -247,8 +247,8 @@ class Simulation:
 
         Args:
             controller: as for :meth:`step`.
-            on_tick: told each tick.
-            stop: ends the run after a tick.
+            on_tick: called with each tick.
+            stop: can end the run after each tick.
         """
         stop = stop or StopRequest()
         with quiet_interpreter():
@@ -258,20 +258,20 @@ class Simulation:
                     on_tick(self.tick)
 
     def result(self, *, histogram: bool = False) -> RunResult:
-        """What the run amounts to so far.
+        """Return the result of the run so far.
 
         Args:
-            histogram: whether to add those of the controller's times.
+            histogram: whether to add histograms of the controller's times.
         """
         return join_result(self.plan, self.sides(histogram=histogram))
 
     def sides(self, *, histogram: bool = False) -> Sides:
-        """What plant and controller measured so far."""
+        """Return the figures of plant and controller so far."""
         controller = self._controller_result(histogram=histogram)
         return Sides(self._plant_result(controller.tick_ms), controller)
 
     def write(self, folder: Path) -> None:
-        """Write the first QP that failed, if one did.
+        """Write the first QP that failed, if there is one.
 
         Args:
             folder: gets the file.
@@ -283,7 +283,7 @@ class Simulation:
     def _safety_around(
         self, controller: Any, snapshot: Snapshot | None = None
     ) -> Safety:
-        """The safety layer, started anew around another controller."""
+        """The safety layer; it is restarted for another controller."""
         if controller is self._given and self._safety is not None:
             return self._safety
         ours = adapt(controller, self.robot)
@@ -318,7 +318,7 @@ class Simulation:
     def _note(
         self, output: ControllerOutput, tick: int, *, is_stale: bool, duration_ns: int
     ) -> None:
-        """Count an answer, and note what the safety layer is doing."""
+        """Count an answer, and note the state of the safety layer."""
         safety = self._safety
         assert safety is not None
         self._telemetry.add(
@@ -329,7 +329,7 @@ class Simulation:
         )
 
     def _leave(self, now_s: float) -> None:
-        """At rest: have the robot hold, and give the lease back, as on the bus."""
+        """At rest: ask the robot to hold, and give the lease back, as on the bus."""
         for action in ("hold", "release"):
             self.gate.request(action, COMMANDER, now_s=now_s)
 
@@ -343,9 +343,9 @@ class Simulation:
         """The controller's figures.
 
         Args:
-            end: why it ended, where the safety layer does not know.
+            end: reason of its end, if the safety layer does not know it.
             detail: the same in words.
-            histogram: whether to add one of its times.
+            histogram: whether to add a histogram of its times.
         """
         if end is EndReason.NONE and self._safety is not None:
             end, detail = self._safety.end, self._safety.detail
@@ -355,7 +355,7 @@ class Simulation:
 
     @property
     def _cut_off(self) -> tuple[ModeCause, str] | None:
-        """That the scenario has not been run to its end; None when it has."""
+        """Cause if the scenario was not run to its end; None if it was."""
         if self.finished:
             return None
         return ModeCause.STOPPED, "not run to the end of the scenario"
@@ -377,7 +377,7 @@ class Simulation:
 def command_of(
     output: ControllerOutput, tick: int, *, stamp_ns: int, sequence: int
 ) -> JointCommand:
-    """An answer to a tick as it goes to the robot."""
+    """Return the message with which an answer goes to the robot."""
     return JointCommand(
         schema=SCHEMA_VERSION,
         tick=tick,

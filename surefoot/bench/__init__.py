@@ -1,4 +1,4 @@
-"""Benchmarks that others measure robots and people by.
+"""Published benchmarks for robots and people: COMTEST and DYSTURBANCE.
 
 ::
 

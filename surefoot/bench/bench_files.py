@@ -1,4 +1,4 @@
-"""Files and pages that all benches write: EUROBENCH's YAML, tables, page frames."""
+"""Files and pages that all benchmarks write: EUROBENCH's YAML, tables, page frames."""
 
 from __future__ import annotations
 
@@ -26,8 +26,8 @@ def write_scalar(path: Path, value: Number, *, label: str) -> None:
 
     Args:
         path: of the file.
-        value: None for what could not be told.
-        label: what it is, with its unit.
+        value: the figure; None if it could not be measured.
+        label: its name and unit.
     """
     _write(path, "scalar", json.dumps(label), _number(value))
 
@@ -39,8 +39,8 @@ def write_vector(
 
     Args:
         path: of the file.
-        values: None for what could not be told.
-        labels: of each, with its unit.
+        values: the figures; None for one that could not be measured.
+        labels: name and unit of each.
     """
     numbers = ", ".join(map(_number, values))
     _write(path, "vector", json.dumps(list(labels)), f"[{numbers}]")
@@ -49,7 +49,7 @@ def write_vector(
 def _number(value: Number) -> str:
     if value is None or not math.isfinite(value):
         return ".nan"
-    # YAML 1.1 takes 1e-05 for a text: a number needs a point before the exponent.
+    # YAML 1.1 reads 1e-05 as text: a number needs a point before the exponent.
     text = repr(float(value))
     mantissa, e, exponent = text.partition("e")
     return text if not e or "." in mantissa else f"{mantissa}.0e{exponent}"
@@ -64,7 +64,7 @@ class TextTable(NamedTuple):
     """A table of texts.
 
     Attributes:
-        title: what it shows.
+        title: of the table.
         columns: headings.
         rows: a text for each heading.
     """
@@ -90,18 +90,18 @@ R = TypeVar("R", bound=BenchResult)
 
 @dataclass(frozen=True)
 class Findings(ABC, Generic[R]):
-    """What a benchmark found.
+    """Results of a benchmark.
 
     Attributes:
-        robot: shipped name or path of its file.
-        subject: its measures.
+        robot: shipped name or path of the robot's file.
+        subject: measures of the robot.
         results: in the order in which they were asked for.
-        folder: that keeps everything; None when nothing is kept.
-        asked: what else all runs were made with, such as settings, for JSON.
+        folder: folder of all files; None if nothing is kept.
+        asked: further inputs of all runs, such as settings, for JSON.
     """
 
     NAME: ClassVar[str]
-    """Of the benchmark, as on the command line."""
+    """Name of the benchmark, as on the command line."""
     robot: str
     subject: Subject
     results: list[R]
@@ -110,7 +110,7 @@ class Findings(ABC, Generic[R]):
 
     @property
     def who(self) -> str:
-        """The robot in words, with what its runs were made with."""
+        """The robot and the inputs of its runs, in words."""
         told = [f"{name} {json.dumps(v)}" for name, v in self.asked.items() if v]
         return ", ".join((self.robot, *told))
 
@@ -120,7 +120,7 @@ class Findings(ABC, Generic[R]):
 
     @abstractmethod
     def _write_yaml(self, folder: Path) -> None:
-        """Write EUROBENCH's files: a folder for each run, one file a figure."""
+        """Write EUROBENCH's files: a folder per run, a file per figure."""
 
     @abstractmethod
     def _write_page(self, folder: Path) -> None:
@@ -142,7 +142,7 @@ class Findings(ABC, Generic[R]):
         }
 
     def write(self) -> None:
-        """Write the figures for programs, for EUROBENCH and as a page, if kept."""
+        """Write the JSON file, EUROBENCH's files and the page, if there is a folder."""
         folder = self.folder
         if folder is None:
             return
@@ -159,7 +159,7 @@ TEMPLATE = Path(__file__).parent / "bench.html.j2"
 
 
 def can_draw() -> bool:
-    """Whether what a page needs is installed; says so if it is not."""
+    """Return whether the packages for a page are installed; log it if they are not."""
     missing = [name for name in ("jinja2", "matplotlib") if find_spec(name) is None]
     if missing:
         _LOG.warning("no page: %s is missing; the extra `report`", missing[0])
@@ -171,7 +171,7 @@ class Figure(NamedTuple):
 
     Attributes:
         svg: the drawing.
-        alt: what it shows, in words.
+        alt: its content in words.
     """
 
     svg: bytes
@@ -179,7 +179,7 @@ class Figure(NamedTuple):
 
     @property
     def address(self) -> str:
-        """Of the drawing, inside the page."""
+        """Data URL of the drawing."""
         return inline_svg(self.svg)
 
 
@@ -190,7 +190,7 @@ class Section(NamedTuple):
         title: its heading.
         text: paragraphs.
         figures: drawings.
-        tables: after them.
+        tables: shown after the drawings.
     """
 
     title: str
@@ -223,7 +223,7 @@ def write_page(
 
 
 def styles(everyone: Sequence[Under]) -> dict[Under, dict[str, Any]]:
-    """Return how each is drawn: a colour a controller, a dash a servo profile."""
+    """Return drawing styles: a colour per controller, a dash per servo profile."""
     variants = list(dict.fromkeys(under.variant for under in everyone))
     profiles = list(dict.fromkeys(under.servo_profile for under in everyone))
     return {

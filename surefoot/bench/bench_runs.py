@@ -1,4 +1,4 @@
-"""Whom a bench measures, and the runs it takes: made, kept and found again."""
+"""Subjects of a benchmark and its runs: how they are made, stored and found again."""
 
 from __future__ import annotations
 
@@ -31,15 +31,15 @@ CONTROLLERS = ("whole-body", "zmp-tuned", "zmp-stock")
 def known_names(
     names: Sequence[str], valid: Sequence[Name], *, what: str
 ) -> list[Name]:
-    """Return the names asked for, all of them valid.
+    """Return the names asked for, after a check.
 
     Args:
-        names: asked for.
-        valid: all there are.
-        what: they are, in a word.
+        names: names asked for.
+        valid: all valid names.
+        what: what they name, in one word.
 
     Raises:
-        UsageError: one is not; the message lists all.
+        UsageError: a name is not valid; the message lists all.
     """
     known = {str(name): name for name in valid}
     for name in names:
@@ -54,10 +54,10 @@ def known_names(
 
 
 def check_positive(values: Sequence[float], *, what: str) -> None:
-    """See that numbers can be sizes.
+    """Check that numbers are positive and finite.
 
     Raises:
-        UsageError: one is not above zero, or is not finite.
+        UsageError: a number is not.
     """
     for value in values:
         if not 0.0 < value < math.inf:
@@ -65,20 +65,20 @@ def check_positive(values: Sequence[float], *, what: str) -> None:
 
 
 def plain(words: str) -> str:
-    """Return words as the name of a file; other numbers and letters, other names."""
+    """Return words as a file name; other letters or numbers give another name."""
     signed = re.sub(r"(?<![^\s,])-(?=[\d.])", "minus ", words.lower())
     return re.sub(r"[^\w.]+", "_", signed).strip("_")
 
 
 @dataclass(frozen=True)
 class Subject:
-    """A robot, or a person, that stands.
+    """Measures of a standing robot or person.
 
     Attributes:
-        mass_kg: of all of it [kg].
-        com_height_m: centre of mass over the soles [m].
-        base_depth_m: from below the centre of mass to the nearer edge ahead or behind,
-            over which it tips [m].
+        mass_kg: total mass [kg].
+        com_height_m: height of the centre of mass over the soles [m].
+        base_depth_m: horizontal distance from the centre of mass to the nearer tipping
+            edge ahead or behind [m].
         base_width_m: the same to the side [m].
     """
 
@@ -88,7 +88,7 @@ class Subject:
     base_width_m: float
 
     def base_m(self, direction_deg: float) -> float:
-        """Distance to the edge of tipping, the nearer one, for a push [m].
+        """Return the distance to the nearer tipping edge for a push [m].
 
         Args:
             direction_deg: 0 and 180 ahead and back, 90 and 270 to the sides.
@@ -134,18 +134,18 @@ def subject_of(robot: str) -> Subject:
 PERSON = Subject(
     mass_kg=81.4, com_height_m=1.003, base_depth_m=0.111, base_width_m=0.1665
 )
-"""The person of medium size that DYSTURBANCE puts robots in proportion to; mass and
-centre of mass from the body parts in its published program."""
+"""Person of medium size to which DYSTURBANCE compares robots; mass and centre of mass
+come from the body parts in its published program."""
 
 
 @dataclass(frozen=True)
 class Proportion:
-    """A robot's measures over a person's, in the combinations that pushes scale with.
+    """Ratios of a robot's measures to a person's, to normalise pushes.
 
     Attributes:
-        force: of what a body bears before it tips: weight times base over height.
-        energy: of lifting the centre of mass over the edge of the base.
-        way: of the centre of mass' height.
+        force: ratio of the tipping forces: weight times base over height.
+        energy: ratio of the energies that lift the centre of mass over the edge.
+        way: ratio of the centre of mass' heights.
     """
 
     force: float
@@ -154,10 +154,10 @@ class Proportion:
 
 
 def proportion(subject: Subject, *, direction_deg: float) -> Proportion:
-    """Return a robot's measures over those of :data:`PERSON`.
+    """Return the ratios of a robot's measures to those of :data:`PERSON`.
 
     Implements the normalisation of DYSTURBANCE (10.3389/frobt.2022.817870): a figure
-    divided by its factor is what it would be for a person, so that robots compare.
+    over its ratio is the equivalent for a person, which makes robots comparable.
     """
     ours, theirs = (_tipping(who, direction_deg) for who in (subject, PERSON))
     return Proportion(
@@ -168,7 +168,7 @@ def proportion(subject: Subject, *, direction_deg: float) -> Proportion:
 
 
 def _tipping(who: Subject, direction_deg: float) -> tuple[float, float]:
-    """Force and energy of tipping, both over gravity [kg, kg m]."""
+    """Force and energy of tipping, both divided by gravity [kg, kg m]."""
     base, height = who.base_m(direction_deg), who.com_height_m
     force = who.mass_kg * base / height
     return force, who.mass_kg * (math.hypot(base, height) - height)
@@ -180,29 +180,29 @@ NOISE = Sensors(
     gyro_noise_rad_s=0.002,
     accel_noise_m_s2=0.05,
 )
-"""Of the shipped scenarios, for a benchmark's too."""
+"""Sensor noise of the shipped scenarios; benchmarks use the same."""
 
 
 class Under(NamedTuple):
-    """Who is measured."""
+    """Controller and servo profile that are measured."""
 
     variant: str
     servo_profile: str
 
     @property
     def label(self) -> str:
-        """As in tables and plots."""
+        """Name in tables and plots."""
         return f"{self.variant}, {self.servo_profile}"
 
 
 class Probe(Protocol):
-    """Looks at a run while it goes."""
+    """Measures a run at each tick."""
 
     def look(self, sim: Simulation) -> None:
         """Take in the present tick."""
 
     def figures(self) -> dict[str, Any]:
-        """What it saw, as built-in types."""
+        """Return its figures, as built-in types."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -210,8 +210,8 @@ class BenchCell(ABC):
     """A run of a benchmark.
 
     Attributes:
-        case: what is done to the robot; unique among the cases of a study.
-        scenario: the same as a scenario.
+        case: name of the test; unique among the cases of a study.
+        scenario: the scenario of the test.
         under: controller and servo profile.
         seed: of the sensor noise.
     """
@@ -223,12 +223,12 @@ class BenchCell(ABC):
 
     @property
     def variant(self) -> str:
-        """Who is run."""
+        """Name of the controller or variant."""
         return self.under.variant
 
     @property
     def group(self) -> tuple[str, Under]:
-        """The same for runs that differ by their seed only."""
+        """Equal for runs that differ only by their seed."""
         return self.case, self.under
 
     @property
@@ -238,7 +238,7 @@ class BenchCell(ABC):
 
     @abstractmethod
     def probe(self) -> Probe:
-        """A fresh probe for a run."""
+        """Return a new probe for a run."""
 
     def plan(self, *, robot: str, overrides: tuple[str, ...]) -> RunPlan:
         """Return the run's plan."""
@@ -253,7 +253,7 @@ class BenchCell(ABC):
         )
 
     def run(self, plan: RunPlan) -> Row:
-        """Run its plan; what was run, the figures, and what the probe saw."""
+        """Run the plan; return the row: case, figures and the probe's figures."""
         from surefoot.stabilizer.factory import make_controller
 
         sim = Simulation.of_plan(plan)
@@ -267,7 +267,7 @@ class BenchCell(ABC):
             "servo_profile": self.under.servo_profile,
             "seed": self.seed,
             **row,
-            # Of a robot that fell, or was held at last, they would tell nothing.
+            # After a fall or a hold the probe's figures have no meaning.
             "seen": probe.figures() if is_up(row) else {},
         }
 
@@ -287,21 +287,21 @@ def bench_runs(
     out: str | Path | None,
     bar: CountBar,
 ) -> Iterator[Callable[..., list[Row]]]:
-    """Open the folder of a benchmark; gives what does its runs, with cells and title.
+    """Open a benchmark's folder; yield a function that runs cells under a title.
 
     Args:
         name: of the benchmark.
-        seen_by: the module whose probes look at the runs.
+        seen_by: module of the probes.
         robot: shipped name or path of a robot file.
         settings: for all runs, such as ``{"tsid.base_kp": 120.0}``.
         jobs: processes; 0 for one per processor.
         scheduler: address of a Dask scheduler, whose workers do the runs instead.
-        out: keeps finished runs, so that a benchmark that was ended goes on where it
-            was; None keeps nothing on disk.
+        out: folder that keeps finished runs, from which an interrupted benchmark is
+            resumed; None keeps nothing on disk.
         bar: shows how many runs are done.
 
     Raises:
-        UsageError: the folder holds something else; a robot or controller was changed
+        UsageError: the folder holds other files; or robot or controller changed
             between two calls.
     """
     overrides = tuple(f"{k}={json.dumps(v)}" for k, v in (settings or {}).items())
@@ -329,7 +329,7 @@ def bench_runs(
                     title=title,
                     bar=bar,
                 )
-                # Robot or controller may have changed since the first of the calls.
+                # Robot or controller may have changed since the first call.
                 tasks = tasks_of([*firsts.values()], robot=robot, overrides=overrides)
                 for task in tasks:
                     store.check(task)
@@ -345,14 +345,14 @@ def everyone(
     *,
     quick: bool,
 ) -> list[Under]:
-    """Return all who are measured.
+    """Return all pairs of controller and servo profile that are measured.
 
     Args:
         robot: shipped name or path of a robot file.
         controllers: names as for :func:`surefoot.study`; None for the usual ones.
         servo_profiles: of the robot file; None for all it has.
-        quick: fewer controllers, and the robot's own profile alone, where they are
-            not given.
+        quick: fewer controllers, and only the robot's own profile, unless these are
+            given.
 
     Raises:
         UsageError: there is no such controller.

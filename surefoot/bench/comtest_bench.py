@@ -1,7 +1,7 @@
 """``surefoot bench comtest``: the three protocols of COMTEST, their files and page.
 
-The protocols of arXiv 2104.11935 and 2110.14395, ``standing on a moving surface`` of
-EUROBENCH.
+The protocols are those of arXiv 2104.11935 and 2110.14395, ``standing on a moving
+surface`` of EUROBENCH.
 """
 
 from __future__ import annotations
@@ -83,7 +83,7 @@ def _write_response(
 
 
 class Comtest(Findings[SwayResult]):
-    """What COMTEST found, one result a run."""
+    """Results of COMTEST, one per run."""
 
     NAME = "comtest"
 
@@ -126,23 +126,23 @@ def comtest(
 ) -> Comtest:
     """Measure how a robot stands on moving ground, with COMTEST's three protocols.
 
-    Steps of the ground, sines, and a ternary sequence whose frequency response is held
-    against that of people; about pitch and roll and along x and y.
+    The ground moves in steps, sines, and a ternary sequence whose frequency response is
+    compared with that of people: about pitch and roll, and along x and y.
 
     Args:
         robot: shipped name or path of a robot file.
-        quick: some minutes of it: one size, pitch and x, fewer sines, two controllers
-            and the robot's own servo profile, where these are not given.
+        quick: a part that takes some minutes: one size, pitch and x, fewer sines, two
+            controllers and the robot's own servo profile, unless these are given.
         controllers: ``whole-body``, ``person``, ``zmp-tuned``, ``zmp-stock`` or any
             name as on the command line.
-        servo_profiles: of the robot file; all it has when None.
+        servo_profiles: of the robot file; None for all it has.
         protocols: ``transient``, ``sinus``, ``prts``; all when None.
         axes: ``pitch``, ``roll``, ``x``, ``y``.
-        sizes_deg: from the lowest to the highest, 0.5 to 16 when None; a translation
-            goes as far as a tilt of this size moves a stiff body's centre of mass.
+        sizes_deg: peak to peak; 0.5 to 16 when None. A translation goes as far as a
+            tilt of this size moves a stiff body's centre of mass.
         frequencies_hz: of the sines.
         speed: of the ternary sequence.
-        cycles: of the ternary sequence, three or more; the first does not count.
+        cycles: of the ternary sequence, three or more; the first one does not count.
         settings: for all runs, such as ``{"tsid.base_kp": 120.0}``.
         jobs: processes; 0 for one per processor.
         scheduler: address of a Dask scheduler, whose workers do the runs instead.
@@ -151,7 +151,7 @@ def comtest(
 
     Raises:
         UsageError: a name is unknown or a number out of range, or the folder holds
-            something else.
+            other files.
     """
     sizes = sizes_deg or (QUICK_SIZES_DEG if quick else SIZES_DEG)
     sines = frequencies_hz or (QUICK_FREQUENCIES_HZ if quick else FREQUENCIES_HZ)
@@ -173,7 +173,7 @@ def comtest(
             for stimulus in stimuli
             for who in under
         ]
-    except ValueError as error:  # what a motion cannot be
+    except ValueError as error:  # the motion is impossible
         raise UsageError(f"speed {speed:g}: {error}") from error
     with bench_runs(
         "comtest",

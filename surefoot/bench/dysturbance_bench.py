@@ -1,7 +1,7 @@
-"""DYSTURBANCE: how large a push a robot stands, and how it gives way.
+"""DYSTURBANCE: the largest pushes that a robot stands, and its impedance.
 
-The protocols of 10.3389/frobt.2022.817870: strikes, sines of way and of force, slow
-ways and slow forces.
+The protocols are those of 10.3389/frobt.2022.817870: strikes, sines of displacement and
+of force, slow displacements and slow forces.
 """
 
 from __future__ import annotations
@@ -53,7 +53,7 @@ QUICK_FREQUENCIES_HZ = (1.0,)
 
 
 class Dysturbance(Findings[PushResult]):
-    """What DYSTURBANCE found: for each push, direction, frequency and controller."""
+    """Results of DYSTURBANCE: one per push, direction, frequency and controller."""
 
     NAME = "dysturbance"
 
@@ -120,21 +120,21 @@ def dysturbance(
 ) -> Dysturbance:
     """Find the largest pushes that a robot stands, with DYSTURBANCE's five kinds.
 
-    Each margin is found by halving, to within 2 %; energy and impedance are those of
-    the largest push that was stood.
+    Each margin is found by bisection, to within 2 %. Energy and impedance are those of
+    the largest push that the robot stood.
 
     Args:
         robot: shipped name or path of a robot file.
-        quick: some minutes of it: ahead only, one frequency, two controllers and the
-            robot's own servo profile, where these are not given.
+        quick: a part that takes some minutes: ahead only, one frequency, two
+            controllers and the robot's own servo profile, unless these are given.
         controllers: ``whole-body``, ``zmp-tuned``, ``zmp-stock`` or any name as on the
             command line.
-        servo_profiles: of the robot file; all it has when None.
+        servo_profiles: of the robot file; None for all it has.
         kinds: ``impulse``, ``sine-displacement``, ``sine-force``,
             ``slow-displacement``, ``slow-force``; all when None.
         directions_deg: 0 ahead, 90 to the left, 180 back.
         frequencies_hz: of the sines.
-        body: link that is pushed, at its centre of mass; the base link when None.
+        body: link that is pushed at its centre of mass; None for the base link.
         settings: for all runs, such as ``{"tsid.base_kp": 120.0}``.
         jobs: processes; 0 for one per processor.
         scheduler: address of a Dask scheduler, whose workers do the runs instead.
@@ -143,7 +143,7 @@ def dysturbance(
 
     Raises:
         UsageError: a name is unknown or a number out of range, or the folder holds
-            something else.
+            other files.
         ScenarioError: the robot has no such link.
     """
     from surefoot.robot_io.robot import load_robot
@@ -202,7 +202,7 @@ def dysturbance(
 def _search(
     run: Callable[..., list[Row]], searches: Mapping[Any, MarginSearch], cell_of: Any
 ) -> dict[str, Row]:
-    """Halve all at once, a round of runs after the other; the row of each, by key."""
+    """Advance all searches together, round by round; return the rows by key."""
     found: dict[str, Row] = {}
     count = 0
     while open_ones := {k: s for k, s in searches.items() if not s.is_done}:

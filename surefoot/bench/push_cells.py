@@ -1,4 +1,4 @@
-"""DYSTURBANCE's pushes: what each is, and the search for the largest that is borne."""
+"""Pushes of DYSTURBANCE, and the search for the largest one that a robot stands."""
 
 from __future__ import annotations
 
@@ -18,9 +18,9 @@ from surefoot.sim_robot.pushes import RodState
 from surefoot.simulation import Simulation
 
 WITHIN = 1.02
-"""The search ends when what fell is at most so many times what stood."""
+"""Ratio of the smallest failed push to the largest stood one that ends a search."""
 STEP = 2.0
-"""From the first guess on, until one stood and one fell."""
+"""Factor from size to size until one push was stood and one was not."""
 MOST_STEPS = 6
 DIGITS = 4
 KINDS: tuple[PushKind, ...] = (
@@ -39,26 +39,26 @@ START_S = 0.5
 AFTER_STRIKE_S = 3.5
 RISE_S = 3.0
 HELD_S = 4.0
-"""Long against the time in which a pendulum of the robot's height falls: what is a
-little too much must have made it fall by then."""
+"""Longer than a pendulum of the robot's height takes to fall: a push that is slightly
+too large has made it fall by then [s]."""
 PERIODS = 3
 LEAST_SINE_S = RISE_S + HELD_S
-"""Of a sine: what drifts off from one period to the next must have fallen by then."""
+"""Least duration of a sine: a robot that drifts further each period has fallen [s]."""
 STRIKER_SHARE = 0.1
 """Mass of the striker over that of the robot."""
 STIFFNESS_PER_KG, DAMPING_PER_KG = 1.6e3, 24.0
-"""Between rod and robot, per mass of the robot [N/m/kg, N s/m/kg]."""
+"""Stiffness and damping between rod and robot, per robot mass [N/m/kg, N s/m/kg]."""
 PAD_PER_KG = 300.0
-"""Of the striker's pad, per mass of the robot [N/m/kg]."""
+"""Stiffness of the striker's pad, per robot mass [N/m/kg]."""
 
 
 class Impedance(NamedTuple):
-    """What a mass, a damper and a spring would have that answer alike.
+    """Mass, damper and spring with the same response as the robot.
 
     Attributes:
-        inertia_kg: [kg].
-        damping_n_s_m: [N s/m].
-        stiffness_n_m: [N/m].
+        inertia_kg: equivalent mass [kg].
+        damping_n_s_m: equivalent damping [N s/m].
+        stiffness_n_m: equivalent stiffness [N/m].
     """
 
     inertia_kg: float
@@ -69,15 +69,15 @@ class Impedance(NamedTuple):
 def fit_impedance(
     frequencies_hz: Sequence[float], force_over_way: Sequence[complex]
 ) -> Impedance | None:
-    """Fit force over way by least squares.
+    """Fit an impedance to force over displacement by least squares.
 
-    A sine at one frequency cannot tell a spring from a mass: both answer in phase. So
-    several are fitted at once: F/X = K - I w^2 + j w D. Each counts by its relative
-    error, or the highest frequency would decide alone.
+    A sine at one frequency cannot tell a spring from a mass: both respond in phase.
+    Several are fitted together: F/X = K - I w^2 + j w D. Relative errors are used, or
+    the highest frequency would decide alone.
 
     Args:
         frequencies_hz: of the sines [Hz].
-        force_over_way: complex amplitudes of the force over those of the way [N/m].
+        force_over_way: complex amplitude of force over displacement [N/m].
 
     Returns:
         None for fewer than two frequencies.
@@ -96,15 +96,15 @@ def fit_impedance(
 
 @dataclass
 class MarginSearch:
-    """A search that is told, push by push, whether the robot stood.
+    """A bisection for the largest push that the robot stands.
 
-    It takes for granted that whoever stands a push stands every smaller one.
+    It assumes that a robot that stands a push stands every smaller one.
 
     Attributes:
-        size: to be tried next.
-        stood: largest that was stood; 0 when none was.
-        fell: smallest that was not; None when all were stood.
-        tried: how many so far.
+        size: size to try next.
+        stood: largest size that the robot stood; 0 if none.
+        fell: smallest size that it did not stand; None if it stood all.
+        tried: number of sizes tried.
     """
 
     size: float
@@ -113,14 +113,14 @@ class MarginSearch:
     tried: int = field(default=0)
 
     def __post_init__(self) -> None:
-        """Name sizes by a few digits, so that a run is found again by its name."""
+        """Round the size to few digits: a stored run is found by its name."""
         self.size = _rounded(self.size)
 
     @property
     def is_done(self) -> bool:
-        """Whether the margin is known to within 2 %, or lies beyond what is tried."""
+        """Whether the margin is known to within 2 %, or the tries are used up."""
         if self.stood and self.fell is not None:
-            # Sizes of a few digits leave no room between some neighbours.
+            # Between some neighbours there is no size of few digits.
             return self.fell <= WITHIN * self.stood or self.size in (
                 self.stood,
                 self.fell,
@@ -128,7 +128,7 @@ class MarginSearch:
         return self.tried > MOST_STEPS
 
     def tell(self, *, stood: bool) -> None:
-        """Take in how it went with ``size``, and choose the next."""
+        """Note whether the robot stood ``size``, and choose the next."""
         self.tried += 1
         if stood:
             self.stood = max(self.stood, self.size)
@@ -152,10 +152,10 @@ PushKind = Literal[
 
 
 class Disturbance(NamedTuple):
-    """What is done to the robot, but for its size.
+    """A push without its size.
 
     Attributes:
-        kind: how it is pushed.
+        kind: kind of push.
         direction_deg: 0 ahead, 90 to the left.
         frequency_hz: of a sine; 0 for the others.
     """
@@ -166,7 +166,7 @@ class Disturbance(NamedTuple):
 
     @property
     def words(self) -> str:
-        """The same in words."""
+        """Return it in words."""
         turn = f"{self.kind} {self.direction_deg:g} deg"
         return f"{turn} {self.frequency_hz:g} Hz" if self.frequency_hz else turn
 
@@ -176,13 +176,13 @@ class PushCell(BenchCell):
     """A run of DYSTURBANCE.
 
     Attributes:
-        disturbance: what is done.
+        disturbance: the push.
     """
 
     disturbance: Disturbance
 
     def probe(self) -> PushProbe:
-        """A fresh probe for a run."""
+        """Return a new probe for a run."""
         return PushProbe(self.disturbance.frequency_hz)
 
 
@@ -197,10 +197,10 @@ def push_cell(
     """Build the run of a push.
 
     Args:
-        disturbance: what is done.
+        disturbance: the push.
         size: of the push, in the unit of its kind.
         under: controller and servo profile.
-        subject: measures of the robot, to which the rod is fitted.
+        subject: measures of the robot; the rod is scaled to them.
         body: link that is pushed.
     """
     case = f"{disturbance.words}, {size:g} {UNITS[disturbance.kind]}"
@@ -214,7 +214,7 @@ def push_cell(
 
 
 def first_guess(disturbance: Disturbance, subject: Subject) -> float:
-    """Size at which a linear inverted pendulum of these measures would tip."""
+    """Return the size at which a linear inverted pendulum like the robot would tip."""
     mass, height = subject.mass_kg, subject.com_height_m
     base = subject.base_m(disturbance.direction_deg)
     own = math.sqrt(GRAVITY_M_S2 / height)
@@ -272,10 +272,10 @@ def _rod(disturbance: Disturbance, size: float, *, subject: Subject, body: str) 
 
 
 class PushProbe:
-    """Follows the rod, and tells energy, impulse and how the robot gave way."""
+    """Follows the rod, and measures energy, impulse, force and displacement."""
 
     def __init__(self, frequency_hz: float) -> None:
-        """Start with nothing seen.
+        """Begin without measurements.
 
         Args:
             frequency_hz: of a sine; 0 for the others.
@@ -290,7 +290,7 @@ class PushProbe:
         self._states.append(sim.simulated.plant.rods[0].state)
 
     def figures(self) -> dict[str, Any]:
-        """Energy, impulse, force and way, of a run that went to its end."""
+        """Return energy, impulse, force and displacement of a complete run."""
         last = self._states[-1]
         found: dict[str, Any] = {
             "peak_n": last.peak_n,
@@ -303,7 +303,7 @@ class PushProbe:
         return found
 
     def _swing(self) -> dict[str, Any]:
-        """Force over way and work in a period, over the last whole periods."""
+        """Force over displacement, and work per period, over the last whole periods."""
         per_period = round(1.0 / (self._frequency_hz * self._period_s))
         periods = min(PERIODS, (len(self._states) - 1) // per_period - 1)
         states = self._states[-(periods * per_period) - 1 :]

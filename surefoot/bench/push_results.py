@@ -1,4 +1,4 @@
-"""DYSTURBANCE's figures from its pushes, and the page about them."""
+"""Results of DYSTURBANCE from its pushes, and their page."""
 
 from __future__ import annotations
 
@@ -58,16 +58,16 @@ _SOURCES = (
 
 @dataclass(frozen=True)
 class PushResult:
-    """The largest push of a kind that was stood, and what was seen in that run.
+    """The largest push of a kind that the robot stood, and the figures of that run.
 
     Attributes:
-        disturbance: what was done.
+        disturbance: the push.
         under: controller and servo profile.
         subject: measures of the robot.
-        stood: largest size that was stood; 0 when none was.
-        fell: smallest that was not; None when all that were tried were stood.
-        runs: how many were tried.
-        row: of the run at ``stood``; None when there is none.
+        stood: largest size that the robot stood; 0 if none.
+        fell: smallest size that it did not stand; None if it stood all.
+        runs: number of sizes tried.
+        row: row of the run at ``stood``; None if there is none.
     """
 
     disturbance: Disturbance
@@ -80,7 +80,7 @@ class PushResult:
 
     @property
     def seen(self) -> dict[str, Any]:
-        """What the probe saw in the largest push that was stood."""
+        """The probe's figures of the largest push that the robot stood."""
         found: dict[str, Any] = {} if self.row is None else self.row["seen"]
         return found
 
@@ -88,8 +88,8 @@ class PushResult:
     def margin(self) -> float:
         """Stability margin in the unit of :attr:`unit`.
 
-        As the benchmark has it: of a strike the peak force, of a sine from its lowest
-        to its highest, of a slow push what it went to.
+        The benchmark's definition: peak force of a strike, peak-to-peak size of a sine,
+        final size of a slow push.
         """
         if self.disturbance.kind == "impulse":
             return float(self.seen.get("peak_n", 0.0))
@@ -97,32 +97,32 @@ class PushResult:
 
     @property
     def unit(self) -> str:
-        """N or m."""
+        """Unit of the margin: N or m."""
         kind = self.disturbance.kind
         return "N" if kind == "impulse" else UNITS[kind]
 
     @property
     def normalised(self) -> float:
-        """The margin as it would be for a person, see :func:`proportion`."""
+        """The equivalent margin of a person, see :func:`proportion`."""
         of = proportion(self.subject, direction_deg=self.disturbance.direction_deg)
         return self.margin / (of.way if self.unit == "m" else of.force)
 
     @property
     def energy_j(self) -> float | None:
-        """That the robot took up: of a strike in all, of a sine in a period [J]."""
+        """Energy absorbed by the robot: in a strike, or in a period of a sine [J]."""
         name = "work_per_period_j" if self.disturbance.kind in SINES else "work_j"
         energy: float | None = self.seen.get(name)
         return energy
 
     @property
     def normalised_energy_j(self) -> float | None:
-        """The same as it would be for a person [J]."""
+        """The equivalent energy of a person [J]."""
         of = proportion(self.subject, direction_deg=self.disturbance.direction_deg)
         return None if self.energy_j is None else self.energy_j / of.energy
 
     @property
     def absorbed(self) -> float | None:
-        """Share of the striker's energy that it did not get back [1]."""
+        """Share of its energy that the striker did not get back [1]."""
         if self.disturbance.kind != "impulse" or not self.seen:
             return None
         striker_kg = STRIKER_SHARE * self.subject.mass_kg
@@ -152,15 +152,15 @@ class PushResult:
 
 @dataclass(frozen=True)
 class ImpedanceResult:
-    """Equivalent impedance from the sines of one kind and direction.
+    """Equivalent impedance, fitted to the sines of one kind and direction.
 
     Attributes:
         kind: of the sines.
         direction_deg: of the sines.
         under: controller and servo profile.
         impedance: fitted; None for fewer than two frequencies.
-        at_hz: frequencies behind it [Hz].
-        force_over_way: at each, real and imaginary part [N/m].
+        at_hz: frequencies of the fitted sines [Hz].
+        force_over_way: force over displacement at each: real, imaginary part [N/m].
     """
 
     kind: PushKind
@@ -191,7 +191,7 @@ def push_result(
     subject: Subject,
     row: Row | None,
 ) -> PushResult:
-    """Close a search."""
+    """Return the result of a finished search."""
     return PushResult(
         disturbance, under, subject, search.stood, search.fell, search.tried, row
     )
@@ -214,7 +214,7 @@ def impedances(results: Sequence[PushResult]) -> list[ImpedanceResult]:
 
 
 def push_tables(results: Sequence[PushResult]) -> list[TextTable]:
-    """Return the table of margins, and that of impedances if there are any."""
+    """Return the table of margins, and the table of impedances if there are any."""
     margins = TextTable(
         "Stability margins",
         (
@@ -273,7 +273,7 @@ def write_push_page(
 
 
 def _drawings(results: Sequence[PushResult]) -> list[Figure]:
-    """A drawing for each direction with more than one frequency that was stood."""
+    """One drawing per direction with several frequencies that the robot stood."""
     figures = []
     for direction in dict.fromkeys(r.disturbance.direction_deg for r in results):
         there = [
@@ -281,7 +281,7 @@ def _drawings(results: Sequence[PushResult]) -> list[Figure]:
             for result in results
             if result.disturbance.direction_deg == direction
             and result.disturbance.kind in SINES
-            and result.margin > 0.0  # a logarithm has no place for none
+            and result.margin > 0.0  # not on a logarithmic axis
         ]
         if len({result.disturbance.frequency_hz for result in there}) > 1:
             title = f"margins of sines, {direction:g} deg"
@@ -290,11 +290,11 @@ def _drawings(results: Sequence[PushResult]) -> list[Figure]:
 
 
 def draw_margins(title: str, results: Sequence[PushResult]) -> bytes:
-    """Draw margins over frequency: of forces, and of ways.
+    """Draw margins over frequency: of forces, and of displacements.
 
     Args:
         title: of the drawing.
-        results: of sines in one direction, that were stood.
+        results: sines in one direction that the robot stood.
 
     Returns:
         SVG.

@@ -1,9 +1,9 @@
 """Runs of COMTEST: the ground steps, swings or follows a ternary sequence.
 
-A translation is as large as a tilt when it moves the feet as far as the tilt moves a
-stiff body's centre of mass: its size is a tilt times that height. Divided by the
-height it is an angle as well, so that all gains are in deg/deg: 0 stands upright over
-the feet; 1 goes with the tilt, or lets the feet slide away below a body that stays.
+A translation has the size of a tilt if it moves the feet as far as the tilt moves a
+stiff body's centre of mass: tilt times height. Divided by the height it is an angle:
+all gains are in deg/deg. With gain 0 the body stays upright over the feet. With gain 1
+it tilts with the ground, or stays in place while the feet move away.
 """
 
 from __future__ import annotations
@@ -28,29 +28,29 @@ PROTOCOLS: tuple[Protocol, ...] = ("transient", "sinus", "prts")
 AXES: tuple[SwayAxis, ...] = ("pitch", "roll", "x", "y")
 TILTS = ("pitch", "roll")
 START_S = 1.0
-"""The robot stands still for so long first."""
+"""The robot first stands still for this time [s]."""
 CYCLE_S = 20.0
-"""Of the ternary sequence at its ordinary speed."""
+"""Duration of a cycle of the ternary sequence at its ordinary speed [s]."""
 STEP_S, AFTER_STEP_S = 1.0, 6.0
-"""A step takes so long, and is watched for so long after."""
+"""Duration of a step, and of the observation after it [s]."""
 PERIODS = 4
-"""Of a sine that count, after the one in which it fades in and another one."""
+"""Periods of a sine that count, after one of fading in and another one."""
 LOOK_S = 0.01
 CURVE_S = 0.05
-"""Curves of steps are kept this often [s]."""
+"""Sampling period of the stored curves of steps [s]."""
 
 
 class Stimulus(NamedTuple):
-    """What the ground does.
+    """Motion of the ground.
 
     Attributes:
-        protocol: how it moves.
-        axis: along or about what.
-        size_deg: from its lowest to its highest, or of the step; of a translation the
-            tilt it is as large as [deg].
+        protocol: kind of motion.
+        axis: axis along or about which it moves.
+        size_deg: peak-to-peak size, or size of the step; of a translation the
+            equivalent tilt [deg].
         frequency_hz: of a sine [Hz].
         speed: of the ternary sequence; 5.0 plays it five times as fast.
-        cycles: of the ternary sequence, the first of which does not count.
+        cycles: of the ternary sequence; the first one does not count.
     """
 
     protocol: Protocol
@@ -62,12 +62,12 @@ class Stimulus(NamedTuple):
 
     @property
     def cycle_s(self) -> float:
-        """How long a cycle of the sequence takes [s]."""
+        """Duration of a cycle of the sequence [s]."""
         return CYCLE_S / self.speed
 
     @property
     def case(self) -> str:
-        """What it is, in words."""
+        """The motion in words."""
         words = f"{self.protocol} {self.axis} {self.size_deg:g} deg"
         if self.protocol == "sinus":
             return f"{words} {self.frequency_hz:g} Hz"
@@ -82,15 +82,15 @@ class SwayCell(BenchCell):
     """A run of COMTEST.
 
     Attributes:
-        stimulus: what the ground does.
-        height_m: of the centre of mass, to make angles of translations [m].
+        stimulus: motion of the ground.
+        height_m: height of the centre of mass, to turn translations into angles [m].
     """
 
     stimulus: Stimulus
     height_m: float
 
     def probe(self) -> SwayProbe:
-        """A fresh probe for a run."""
+        """Return a new probe for a run."""
         return SwayProbe(self.stimulus, self.height_m)
 
 
@@ -98,7 +98,7 @@ def sway_cell(stimulus: Stimulus, under: Under, *, height_m: float) -> SwayCell:
     """Build the run of a stimulus.
 
     Args:
-        stimulus: what the ground does.
+        stimulus: motion of the ground.
         under: controller and servo profile.
         height_m: of the robot's centre of mass over its soles [m].
     """
@@ -146,7 +146,7 @@ def _motion(stimulus: Stimulus, height_m: float) -> Motion:
             frequency_hz=stimulus.frequency_hz,
             **{f"amplitude_{unit}": 0.5 * size},
         )
-    # Speeds up for half of the time and slows down for the other half.
+    # The ground speeds up in the first half of the time and slows down in the second.
     return RampMotion(
         axis=axis,
         start_s=START_S,
@@ -156,14 +156,14 @@ def _motion(stimulus: Stimulus, height_m: float) -> Motion:
 
 
 class SwayProbe:
-    """Follows ground and centre of mass, and makes the figures of a protocol."""
+    """Follows ground and centre of mass, and computes the figures of a protocol."""
 
     def __init__(self, stimulus: Stimulus, height_m: float) -> None:
-        """Start with nothing seen.
+        """Begin without measurements.
 
         Args:
-            stimulus: what the ground does.
-            height_m: of the centre of mass [m].
+            stimulus: motion of the ground.
+            height_m: height of the centre of mass [m].
         """
         self._stimulus, self._height = stimulus, height_m
         self._time_s: list[float] = []
@@ -192,7 +192,7 @@ class SwayProbe:
         self._ground.append(math.degrees(ground))
 
     def figures(self) -> dict[str, Any]:
-        """What the protocol asks for, of a run that went to its end."""
+        """Return the protocol's figures of a complete run."""
         time_s, ground = np.array(self._time_s), np.array(self._ground)
         sway = np.array(self._sway)
         stimulus = self._stimulus
@@ -233,10 +233,10 @@ class SwayProbe:
 
 
 def _lean(truth: PlantTruth, axis: SwayAxis) -> float:
-    """Lean of the centre of mass over the middle of the soles, in space [rad].
+    """Lean of the centre of mass over the middle of the soles, in the world [rad].
 
-    About pitch it is positive ahead and about roll to the right, as a tilt is; of a
-    translation, along its axis.
+    It has the sign of a tilt: positive ahead about pitch, to the right about roll. For
+    a translation it is positive along the axis.
     """
     over = truth.com - 0.5 * (truth.sole_left + truth.sole_right)
     if axis in ("pitch", "x"):
@@ -246,6 +246,6 @@ def _lean(truth: PlantTruth, axis: SwayAxis) -> float:
 
 
 def _tilt(quat_xyzw: Array, axis: SwayAxis) -> float:
-    """Angle of a platform that turns about one axis alone [rad]."""
+    """Angle of a platform that turns about a single axis [rad]."""
     x, y, _, w = quat_xyzw.tolist()
     return 2.0 * math.atan2(y if axis == "pitch" else x, w)

@@ -1,7 +1,7 @@
-"""How somebody sways with the ground: responses to frequencies and steps.
+"""Sway in response to ground motion: frequency responses and step responses.
 
-Spectra cycle by cycle, cross and auto spectra averaged over cycles and over groups of
-odd harmonics, as in arXiv 2104.11935 and 2110.14395.
+Spectra are computed cycle by cycle. Cross and auto spectra are averaged over cycles and
+over groups of odd harmonics, as in arXiv 2104.11935 and 2110.14395.
 """
 
 from __future__ import annotations
@@ -20,33 +20,33 @@ from surefoot.schemas.arrays import Array
 Complex = NDArray[np.complex128]
 
 HARMONICS = tuple(range(1, 50, 2))
-"""Odd ones: a ternary sequence has no energy at the others."""
+"""Odd harmonics: a ternary sequence has no energy at the others."""
 GROUPS = (
     *((1,), (3,), (5, 7), (7, 9), (9, 11, 13), (11, 13, 15, 17)),
     *((15, 17, 19, 21), (19, 21, 23, 25), (23, 25, 27, 29, 31)),
     *((31, 33, 35, 37, 39), (39, 41, 43, 45, 47, 49)),
 )
-"""Harmonics behind each of the eleven frequencies; they overlap."""
+"""Harmonics averaged for each of the eleven frequencies; the groups overlap."""
 SAMPLES_PER_CYCLE = 2000
 CONFIDENCE = 0.95
 _LEAST_POWER = 1e-300
 SETTLED = 0.02
-"""Of the step: what is this close to its final value has settled."""
+"""Share of the step within which a curve counts as settled."""
 RISEN, HALF = 0.9, 0.5
 FINAL_S = 1.0
-"""The final value is the mean over this long at the end [s]."""
+"""The final value is the mean over this time at the end [s]."""
 
 
 @dataclass(frozen=True)
 class FrequencyResponse:
-    """Response at each frequency, of what was measured in some cycles.
+    """Response at each frequency, averaged over cycles.
 
     Attributes:
         frequencies_hz: (n,) [Hz].
-        response: (n,) complex, of the output over the input.
+        response: (n,) complex, output over input.
         coherence: (n,) share of the output's power that follows the input, 0 to 1.
-        gain_band: (n,) half the width of the 95 % band of the gain; NaN where there
-            are too few cycles to tell.
+        gain_band: (n,) half the width of the 95 % band of the gain; NaN if there are
+            too few cycles.
     """
 
     frequencies_hz: Array
@@ -75,7 +75,7 @@ class FrequencyResponse:
         return limited
 
     def as_dict(self) -> dict[str, Any]:
-        """Return everything as built-in types; None where nothing can be told."""
+        """Return everything as built-in types; None for NaN."""
         columns = {
             "frequency_hz": self.frequencies_hz,
             "gain": self.gain,
@@ -88,21 +88,21 @@ class FrequencyResponse:
 
 
 def numbers(values: Array) -> list[float | None]:
-    """Return an array as numbers for a file; None for what is not a number."""
+    """Return an array as numbers for a file; None for a value that is not finite."""
     return [float(v) if np.isfinite(v) else None for v in values]
 
 
 def cycle_spectra(
     time_s: Array, values: Array, *, start_s: float, cycle_s: float, cycles: int
 ) -> Complex:
-    """Return the Fourier coefficients of each cycle but the first.
+    """Return the Fourier coefficients of each cycle except the first.
 
     Args:
         time_s: (n,) times of the values, rising [s].
-        values: (n,) what was measured.
-        start_s: when the first cycle begins [s].
-        cycle_s: how long each lasts [s].
-        cycles: how many there are, two or more.
+        values: (n,) measured values.
+        start_s: beginning of the first cycle [s].
+        cycle_s: duration of a cycle [s].
+        cycles: number of cycles, two or more.
 
     Returns:
         (cycles - 1, 25) complex amplitude at each of :data:`HARMONICS`.
@@ -120,12 +120,12 @@ def cycle_spectra(
 def frequency_response(
     stimulus: Complex, response: Complex, *, cycle_s: float
 ) -> FrequencyResponse:
-    """Average the spectra of some cycles to the eleven frequencies.
+    """Average the spectra of some cycles into the eleven frequencies.
 
     Args:
         stimulus: (m, 25) spectra of the input, see :func:`cycle_spectra`.
         response: (m, 25) spectra of the output.
-        cycle_s: length of a cycle [s].
+        cycle_s: duration of a cycle [s].
     """
     from scipy.stats import f as f_distribution
 
@@ -158,8 +158,8 @@ class SineResponse:
     Attributes:
         gain: magnitude of the output over that of the input.
         phase_deg: of the output against the input, -180 to 180 [deg].
-        power_ratio: share of the output's power, its mean left out, that lies at the
-            frequency: 1 for a linear response without noise.
+        power_ratio: share of the output's power, without its mean, at the frequency of
+            the sine: 1 for a linear response without noise.
     """
 
     gain: float
@@ -168,10 +168,10 @@ class SineResponse:
 
 
 def phasor(values: Array, *, period_s: float, frequency_hz: float) -> complex:
-    """Return the complex amplitude of a sine within values.
+    """Return the complex amplitude of a sine in values.
 
-    A steady drift, from the mean of the first period to that of the last, is taken off:
-    over whole periods a line is a sine, too, and what is pushed to its limit drifts.
+    A steady drift is subtracted, from the mean of the first period to that of the last:
+    a robot at its limit drifts, and a line also contributes at the sine's frequency.
 
     Args:
         values: (n,) evenly spaced, over whole periods of the sine.
@@ -203,9 +203,9 @@ def sine_response(
         time_s: (n,) times of the values, rising [s].
         stimulus: (n,) the input.
         response: (n,) the output.
-        start_s: when the periods that count begin [s].
+        start_s: beginning of the periods that count [s].
         frequency_hz: of the sine [Hz].
-        periods: how many count.
+        periods: number of periods that count.
     """
     period_s = periods / (frequency_hz * SAMPLES_PER_CYCLE)
     at_s = start_s + period_s * np.arange(SAMPLES_PER_CYCLE)
@@ -227,21 +227,20 @@ def sine_response(
 class StepFigures:
     """Figures of a step of the ground; times count from its beginning.
 
-    Two curves are looked at. The sway is the lean of the centre of mass in space: it
-    should come back to where it was, so that its size, the time of its peak and the
-    time until it has settled tell how it went. The answer is what the robot did to get
-    there, the body's way against the ground: a step itself, with a delay, a rise and
-    an overshoot. Shares are of the step of the ground.
+    Two curves are measured, as shares of the ground's step. The sway is the lean of the
+    centre of mass in the world. It should return to its former value; its peak, the
+    time of the peak and the settling time are measured. The answer is the motion of the
+    body relative to the ground. It is a step itself, with delay, rise and overshoot.
 
     Attributes:
         sway_peak: largest sway, signed [deg/deg].
-        sway_peak_s: when that was [s].
-        sway_final: sway that stays [deg/deg].
-        settling_s: until the sway stays within 2 % of the step of what it ends with;
-            None when it had not settled before its last second [s].
-        delay_s: until half of the answer; None when there was none [s].
-        rise_s: until 90 % of the answer [s].
-        overshoot: of the answer, over its final value.
+        sway_peak_s: time of the largest sway [s].
+        sway_final: remaining sway [deg/deg].
+        settling_s: time from which the sway stays within 2 % of the step around its
+            final value; None if it did not settle before its last second [s].
+        delay_s: time until half of the answer; None without an answer [s].
+        rise_s: time until 90 % of the answer; None without an answer [s].
+        overshoot: of the answer, over its final value; None without an answer.
     """
 
     sway_peak: float
@@ -256,17 +255,17 @@ class StepFigures:
 def step_figures(
     time_s: Array, stimulus: Array, sway: Array, answer: Array, *, start_s: float
 ) -> StepFigures:
-    """Measure a step, from where everything was as the ground began to move.
+    """Measure a step, relative to the values at which the ground begins to move.
 
-    Until then the robot may still be coming to rest from its start.
+    Before that the robot may still be coming to rest from its start.
 
     Args:
         time_s: (n,) rising [s].
         stimulus: (n,) motion of the ground, in the unit of the sway.
-        sway: (n,) lean of the centre of mass in space.
-        answer: (n,) of the body against the ground; ends at the step when the robot
-            stands as before.
-        start_s: when the ground begins to move [s].
+        sway: (n,) lean of the centre of mass in the world.
+        answer: (n,) motion of the body relative to the ground; it ends at the size of
+            the step if the robot stands as before.
+        start_s: time at which the ground begins to move [s].
     """
     after = int(np.searchsorted(time_s, start_s))
     since = time_s[after:] - start_s
@@ -296,7 +295,7 @@ def _final(time_s: Array, values: Array) -> float:
 
 
 def _reaches(since: Array, values: Array, level: float) -> float:
-    """First time at a level."""
+    """First time at which the values reach a level."""
     return float(since[int(np.argmax(values * np.sign(level) >= abs(level)))])
 
 
@@ -305,15 +304,15 @@ DATA = Path(__file__).parent / "human_sway.json"
 
 @dataclass(frozen=True)
 class HumanSway:
-    """Statistics over people; the data file names where they come from.
+    """Statistics of people's sway; the data file names their sources.
 
     Attributes:
-        frequencies_hz: (11,) of the response at the platform's ordinary pace [Hz].
-        gain_percentiles: (11,) each, by percentile: lean over tilt [deg/deg].
+        frequencies_hz: (11,) of the response at the platform's ordinary speed [Hz].
+        gain_percentiles: by percentile: (11,) lean over tilt [deg/deg].
         mean: (22,) mean response: real parts, then imaginary parts.
-        weight: (22, 22) symmetric, of the squared distance from the mean.
+        weight: (22, 22) symmetric weight of the squared distance from the mean.
         score_percentiles: score of the people themselves, by percentile.
-        sources: where all this comes from.
+        sources: sources of the data.
     """
 
     frequencies_hz: Array
@@ -331,10 +330,10 @@ class HumanSway:
         return phase
 
     def score(self, response: Complex) -> float:
-        """Return D, the distance of a response from people's.
+        """Return D, the distance of a response from that of people.
 
-        Implements the score of arXiv 2110.14395: D^2 = d' W inv(C) W d, d the distance
-        from the mean. Half of all people are below 1.6.
+        Implements the score of arXiv 2110.14395: D^2 = d' W inv(C) W d, where d is the
+        difference from the mean. Half of all people are below 1.6.
 
         Args:
             response: (11,) complex, lean over tilt at the eleven frequencies.
@@ -345,7 +344,7 @@ class HumanSway:
 
 @cache
 def human_sway() -> HumanSway:
-    """Return the statistics that come with this package."""
+    """Return the statistics shipped with this package."""
     table: dict[str, Any] = msgspec.json.decode(DATA.read_bytes())
     weights = np.tile(np.array(table["score_weights"]), 2)
     return HumanSway(

@@ -1,4 +1,4 @@
-"""COMTEST's figures from its runs, and the page about them."""
+"""Results of COMTEST from its runs, and their page."""
 
 from __future__ import annotations
 
@@ -59,14 +59,14 @@ _TEXTS = {
 
 @dataclass(frozen=True)
 class SwayResult:
-    """A run and what was seen in it.
+    """A run and its results.
 
     Attributes:
-        stimulus: what the ground did.
+        stimulus: motion of the ground.
         under: controller and servo profile.
-        height_m: of the centre of mass; a translation over it is an angle [m].
-        row: the run's figures.
-        response: of a ternary sequence; None for the others, and after a fall.
+        height_m: height of the centre of mass; a translation over it is an angle [m].
+        row: figures of the run.
+        response: to a ternary sequence; None for other protocols, and after a fall.
     """
 
     stimulus: Stimulus
@@ -88,7 +88,7 @@ class SwayResult:
 
     @property
     def score(self) -> float | None:
-        """D against people; only of tilts at the speed people were measured at."""
+        """Distance D from people; only of tilts at the speed of people's data."""
         stimulus = self.stimulus
         if self.response is None or stimulus.axis not in TILTS or stimulus.speed != 1.0:
             return None
@@ -96,10 +96,10 @@ class SwayResult:
 
     @property
     def below_human(self) -> int | None:
-        """At how many of the eleven frequencies the gain is under people's 5 %.
+        """Number of the eleven frequencies at which the gain is below people's 5 %.
 
-        At another speed it is compared at the same points of the sequence. None for
-        translations, of which there are no data.
+        At another speed the same harmonics of the sequence are compared. None for
+        translations: there are no data of people.
         """
         if self.response is None or self.stimulus.axis not in TILTS:
             return None
@@ -267,7 +267,7 @@ def write_sway_page(
 
 
 def _drawings(results: Sequence[SwayResult], protocol: str, draw: Any) -> list[Figure]:
-    """A drawing for each ground, however many ran on it; sines of one size together."""
+    """One drawing per motion of the ground; all sines of one size share one."""
     grounds: dict[Stimulus, list[SwayResult]] = {}
     for result in results:
         if result.stimulus.protocol == protocol:
@@ -336,7 +336,7 @@ def _draw_people(gain: Any, phase: Any, frequencies: Any) -> None:
 
 
 def beside_people(frequencies_hz: Sequence[float], phases_deg: Sequence[float]) -> Any:
-    """Return phases without jumps, by whole turns as near to people's as can be [deg].
+    """Return phases without jumps, shifted by whole turns towards people's [deg].
 
     Args:
         frequencies_hz: (n,) rising [Hz].

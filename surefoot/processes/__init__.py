@@ -1,1 +1,1 @@
-"""A run as processes of its own that meet on the bus."""
+"""A run as separate processes that meet on the bus."""

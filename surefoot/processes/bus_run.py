@@ -1,4 +1,7 @@
-"""A run as two processes that meet on the bus."""
+"""A run as two processes that meet on the bus: starts, watches and ends them.
+
+``surefoot.runs`` uses it; recorder, relay and live page are further processes.
+"""
 
 from __future__ import annotations
 
@@ -43,9 +46,9 @@ _LOG = logging.getLogger("surefoot.run")
 ENDPOINTS = "endpoints.toml"
 
 _START_S = 60.0
-"""Longest wait for a robot process to come up on a busy machine [s]."""
+"""Longest wait for a robot process to start on a busy machine [s]."""
 READY_S = 30.0
-"""How long the page may take to come up, on a busy machine [s]."""
+"""Longest wait for the page to start on a busy machine [s]."""
 _READY_S = 60.0
 """Longest wait for the recorder before the stabilizer starts [s]."""
 _FINISH_S = 60.0
@@ -68,7 +71,7 @@ def recorder_argv(plan: RunPlan, folder: Path, endpoints: Path) -> list[str]:
 
 
 def await_recorder(recorder: Child, *, events: SimpleQueue[Event]) -> None:
-    """Wait until the recorder receives everything, or cannot be waited for.
+    """Wait until the recorder is ready, or has ended, or the wait is over.
 
     Events of other children are kept for later.
     """
@@ -87,7 +90,7 @@ def await_recorder(recorder: Child, *, events: SimpleQueue[Event]) -> None:
             break
         if not isinstance(event, Exit) or event.child is not recorder:
             others.append(event)
-        # Of a recorder that has ended the user is told at the end of the run.
+        # If the recorder has ended, the user is told at the end of the run.
         if isinstance(event, Exit):
             break
     for event in others:
@@ -95,12 +98,12 @@ def await_recorder(recorder: Child, *, events: SimpleQueue[Event]) -> None:
 
 
 def see_recorder_off(recorder: Child) -> None:
-    """Wait until the record is complete; says so if it is not."""
+    """Wait until the record is complete; warn if it is not."""
     code = recorder.wait(_FINISH_S)
     if code is None:
         _LOG.warning(f"recorder: did not end within {_FINISH_S:g} s after the run")
         return
-    # The folder takes another name at the end of the run.
+    # The folder is renamed at the end of the run.
     here = f"{recorder.log.parent}/"
     lines = [line.replace(here, "") for line in recorder.last_lines()]
     is_whole = (recorder.log.parent / RECORD).is_file()
@@ -122,10 +125,10 @@ def start_live_page(
     port: int,
     events: SimpleQueue[Event],
 ) -> Child:
-    """Start the page and wait until it is served, so that it misses nothing.
+    """Start the page and wait until it is served: it then misses no message.
 
     Returns:
-        The process; the run goes on whatever becomes of it.
+        The process; the run goes on even if it ends.
 
     Raises:
         ChildFailedError: the page could not be served.
@@ -154,11 +157,11 @@ def start_live_page(
 
 
 class BusRun(NamedTuple):
-    """How two processes ended.
+    """Results of the two processes.
 
     Attributes:
-        sides: what they measured; None when the robot's process left nothing.
-        error: what cut the run short; None for a run that went to its end.
+        sides: their figures; None if the robot's process left nothing.
+        error: the error that cut the run short; None for a complete run.
     """
 
     sides: Sides | None
@@ -185,16 +188,16 @@ def run_processes(
         plan: what to run.
         folder: holds the settings file; gets logs and the record.
         endpoints: where the two meet.
-        record: write every tick, and the bus by a recorder of its own. What happens to
-            the recorder is told, and never ends the run.
-        on_tick: called with the robot's tick now and then.
+        record: write every tick; a separate recorder writes the bus. A failure of the
+            recorder is reported and never ends the run.
+        on_tick: called with the robot's tick from time to time.
         view_port: serve a live page of the run at this port; None for no page.
-        histogram: whether the results hold those of all times.
+        histogram: whether the results hold histograms of all times.
         priority: of SCHED_FIFO for the two, the recorder next; None for ordinary
             processes.
 
     Returns:
-        What was measured, also of a run that was cut short, and what did that.
+        The figures, also of a run that was cut short, and the error that cut it short.
     """
     plant_file, controller_file = folder / "plant.json", folder / "controller.json"
     relay_file = folder / "relay.json"
@@ -281,7 +284,7 @@ def run_processes(
 
 
 def _ended_by(error: ChildFailedError | KeyboardInterrupt, sides: Sides) -> Sides:
-    """Name what ended a run, where the robot only knows that it was asked."""
+    """Add the cause of the end if the robot only knows that it was asked to end."""
     plant = sides.plant
     if plant.end is not ModeCause.STOPPED:
         return sides
@@ -292,10 +295,10 @@ def _ended_by(error: ChildFailedError | KeyboardInterrupt, sides: Sides) -> Side
 def _relay_result(
     relay: Child | None, file: Path, error: BaseException | None
 ) -> RelayResult | None:
-    """Return what a relay counted; None without one, or when it was cut short.
+    """Return the relay's counts; None without a relay, or if it was cut short.
 
     Raises:
-        ChildFailedError: it ended by itself and left nothing.
+        ChildFailedError: the relay ended by itself and left nothing.
     """
     if relay is None:
         return None
@@ -309,7 +312,7 @@ def _relay_result(
 def _relay_argv(
     plan: RunPlan, relay_path: Path, robots: Endpoints, beyond: Endpoints
 ) -> list[str]:
-    """Command line of the relay, which dials the robot and listens beyond."""
+    """Command line of the relay: it dials the robot and listens for the stabilizer."""
     return [
         *("relay", str(relay_path), *_description_argv(plan)),
         *("--seed", str(plan.seed), "--wait", str(_START_S)),
@@ -319,6 +322,6 @@ def _relay_argv(
 
 
 def _description_argv(plan: RunPlan) -> list[str]:
-    """The same description for every process of a run."""
+    """Arguments that describe the robot, the same for every process of a run."""
     profile = plan.robot.file.servo.profile
     return ["--robot", plan.robot_name, "--servo-profile", profile]

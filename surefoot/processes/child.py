@@ -1,4 +1,7 @@
-"""Child processes: started, watched, ended, and what a process says while it runs."""
+"""Child processes: starts, watches and ends them, and reads their progress.
+
+A process also uses it to log and to report its progress to its parent.
+"""
 
 from __future__ import annotations
 
@@ -30,7 +33,7 @@ _CAUSE_S = 2.0
 
 
 def begin_process(name: str, *, child: bool = False) -> None:
-    """Send our own notes, warnings and errors to stderr."""
+    """Send this program's notes, warnings and errors to stderr."""
     logging.basicConfig(
         level=logging.INFO,
         format="%(asctime)s %(levelname)s %(name)s: %(message)s",
@@ -42,12 +45,12 @@ def begin_process(name: str, *, child: bool = False) -> None:
 
 
 def log_note(text: str) -> None:
-    """Say something in passing."""
+    """Log a note."""
     _LOG.info(text)
 
 
 def log_warning(text: str) -> None:
-    """Say something the user should not miss."""
+    """Log a warning that the user should not miss."""
     _LOG.warning(text)
 
 
@@ -77,7 +80,7 @@ def progress_reporter() -> Callable[[int], None]:
 
 
 def report_ready() -> None:
-    """Tell the parent that this process can do its part now."""
+    """Tell the parent that this process is ready."""
     print(READY_LINE, flush=True)
 
 
@@ -88,7 +91,7 @@ class Progress(NamedTuple):
 
 
 class Ready(NamedTuple):
-    """A child that others wait for can do its part."""
+    """A child that others wait for is ready."""
 
     child: Child
 
@@ -98,11 +101,11 @@ class Exit(NamedTuple):
 
     child: Child
     code: int
-    """Exit code; negative: the signal that ended it."""
+    """Exit code; if negative, the number of the signal that ended it."""
 
 
 class Said(NamedTuple):
-    """A child said where its page is."""
+    """A child reported the address of its page."""
 
     child: Child
     url: str
@@ -114,13 +117,13 @@ Event = Progress | Ready | Exit | Said
 class Child:
     """A ``surefoot`` command in a process of its own.
 
-    It runs in its own process group, so Ctrl-C reaches only the parent, which then
-    stops it in order. Its standard input is a pipe that nobody writes to: when the
-    parent dies, however that happens, the pipe closes and the child ends itself.
+    It runs in its own process group: Ctrl-C reaches only the parent, which then stops
+    the child in order. Its standard input is a pipe to which nobody writes. When the
+    parent dies for any reason, the pipe closes and the child ends itself.
 
     Attributes:
         name: for messages and the name of the log.
-        log: everything it says on stderr.
+        log: file of its stderr.
     """
 
     def __init__(
@@ -135,11 +138,11 @@ class Child:
         """Start the process.
 
         Args:
-            name: what it is.
+            name: name of the child.
             arguments: of the ``surefoot`` command, or of the module.
             log: file for its stderr.
             events: gets its progress, then its exit.
-            module: what the process runs.
+            module: Python module that the process runs.
         """
         self.name, self.log = name, log
         self._is_asked = False
@@ -159,7 +162,7 @@ class Child:
 
     @property
     def running(self) -> bool:
-        """Whether the process is still there."""
+        """Whether the process still runs."""
         return self._process.poll() is None
 
     def wait(self, timeout_s: float) -> int | None:
@@ -174,13 +177,13 @@ class Child:
             return None
 
     def ask_to_end(self) -> None:
-        """Ask the process to end in order; once, since twice means at once."""
+        """Ask the process to end in order; only once, since twice means at once."""
         if self.running and not self._is_asked:
             self._is_asked = True
             self._process.send_signal(signal.SIGTERM)
 
     def stop(self) -> None:
-        """End the process, in order if it can, and wait until it is gone."""
+        """End the process, in order if possible, and wait until it is gone."""
         self.ask_to_end()
         try:
             self._process.wait(_TERMINATE_S)
@@ -198,7 +201,7 @@ class Child:
             return list(deque(filter(None, lines), maxlen=LAST_LINES))
 
     def last_error(self) -> str:
-        """Return the reason it gave for its end; empty without one."""
+        """Return the reason that the process gave for its end; empty without one."""
         text = self.log.read_text(encoding="utf-8", errors="replace")
         *_, last = f"\n{text}".rpartition(f"\n{ERROR_PREFIX} ")
         return last.strip() if last != f"\n{text}" else ""
@@ -239,7 +242,7 @@ def supervise(
     """Wait until both processes have ended by themselves.
 
     Args:
-        robot: the robot's process; it is what ends a run.
+        robot: the robot's process, which ends the run.
         stabilizer: the stabilizer's process.
         events: of both.
         on_tick: called with the robot's tick.
@@ -247,8 +250,8 @@ def supervise(
 
     Raises:
         ChildFailedError: one failed, or did not end after the other; the message
-            holds its last words. The robot's own failure is named first, since the
-            stabilizer's may only follow from it; a relay's before both.
+            quotes its last lines. The robot's failure is named before the
+            stabilizer's, which may follow from it; a relay's before both.
     """
     codes: dict[str, int] = {}
     until: float | None = None
@@ -260,7 +263,7 @@ def supervise(
         if isinstance(event, Progress):
             on_tick(event.tick)
             if until is not None and all(code in _WELL for code in codes.values()):
-                until = time.monotonic() + _PARTNER_S  # held in order: it goes on
+                until = time.monotonic() + _PARTNER_S  # the robot holds and goes on
             continue
         if isinstance(event, Exit) and event.child is between:
             raise failure(event.child, event.code)
@@ -294,8 +297,8 @@ def _left(until: float) -> float:
 def failure(child: Child, code: int) -> ChildFailedError:
     """Turn a child's end into an error that quotes its last lines.
 
-    A child that says what is wrong, as every command does, is quoted alone; the log
-    before that is of interest only when it ended without a word.
+    If the child gave a reason, as every command does, only that is quoted. Otherwise
+    the end of its log is quoted.
     """
     known = code in {int(entry) for entry in ExitCode}
     said = child.last_error() if known else ""
@@ -306,7 +309,7 @@ def failure(child: Child, code: int) -> ChildFailedError:
 
 
 def how_ended(code: int) -> str:
-    """A failure in words."""
+    """Return in words how a process with this exit code ended."""
     if code < 0:
         return f"was ended by signal {-code}"
     return f"failed with exit code {code}"

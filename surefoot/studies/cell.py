@@ -1,4 +1,7 @@
-"""One run of a study and its unique key."""
+"""One run of a study, its unique key, and the variants of controllers.
+
+Studies, searches and the paper's evaluation are made of such runs.
+"""
 
 from __future__ import annotations
 
@@ -51,7 +54,7 @@ FIGURES = (
 
 
 class Group(NamedTuple):
-    """Runs that differ by their seed only."""
+    """Runs that differ only by their seed."""
 
     scenario: str
     values: tuple[tuple[str, Any], ...]
@@ -60,7 +63,7 @@ class Group(NamedTuple):
 
     @property
     def case(self) -> str:
-        """Scenario and what was varied, in words."""
+        """Scenario and varied values, in words."""
         words = ", ".join(f"{name} {in_words(value)}" for name, value in self.values)
         return f"{self.scenario} ({words})" if words else self.scenario
 
@@ -92,25 +95,25 @@ class Work(Protocol):
 
     @property
     def case(self) -> str:
-        """What is run, in words."""
+        """The case that is run, in words."""
 
     @property
     def group(self) -> Hashable:
-        """The same for runs that differ by their seed only."""
+        """Equal for runs that differ only by their seed."""
 
     def plan(self, *, robot: str, overrides: tuple[str, ...]) -> RunPlan:
-        """Its plan."""
+        """Return the plan of the run."""
 
     def run(self, plan: RunPlan) -> Row:
-        """Run its plan; what was run, and the figures."""
+        """Run the plan; return the row: case and figures."""
 
 
 @dataclass(frozen=True)
 class Cell:
-    """What is run, and with which seed.
+    """A group and a seed: one run.
 
     Attributes:
-        group: scenario, varied values of it and of settings, controller and servo
+        group: scenario, varied values of scenario and settings, controller and servo
             profile.
         seed: of the sensor noise.
     """
@@ -128,7 +131,7 @@ class Cell:
 
     @property
     def case(self) -> str:
-        """What is run, in words."""
+        """The case that is run, in words."""
         return self.group.case
 
     def plan(self, *, robot: str, overrides: tuple[str, ...]) -> RunPlan:
@@ -161,13 +164,13 @@ class Cell:
         )
 
     def run(self, plan: RunPlan) -> Row:
-        """Run its plan; what was run, and the figures."""
+        """Run the plan; return the row: case and figures."""
         from surefoot.runs import run_inline
 
         return self.row(run_inline(plan).result)
 
     def row(self, result: RunResult) -> Row:
-        """Return what was run, and the figures."""
+        """Return the row of a result: case and figures."""
         group = self.group
         return {
             "scenario": group.scenario,
@@ -180,7 +183,7 @@ class Cell:
 
 
 def figures_of(result: RunResult) -> Row:
-    """Return the figures of a run that studies keep, as built-in types."""
+    """Return those figures of a run that studies keep, as built-in types."""
     figures = msgspec.to_builtins(result)
     return {name: figures[name] for name in FIGURES}
 
@@ -190,12 +193,12 @@ class Variant:
     """A controller with settings.
 
     Attributes:
-        name: as in tables and plots.
-        controller: of the command line.
-        settings: name or path of a settings file, if any.
-        settings_of: other settings files by the servo profile they were made for.
+        name: shown in tables and plots.
+        controller: name of the controller, as on the command line.
+        settings: name or path of a settings file; None without one.
+        settings_of: settings files for single servo profiles, by profile.
         overrides: texts ``section.name=value``.
-        about: what it gets, in words.
+        about: its settings in words.
     """
 
     name: str
@@ -208,10 +211,10 @@ class Variant:
     def resolve(
         self, servo_profile: str, *, extra: tuple[str, ...] = ()
     ) -> ControllerSettings:
-        """Resolve all of its settings.
+        """Resolve all settings.
 
         Args:
-            servo_profile: of the robot it will command.
+            servo_profile: servo profile of the robot.
             extra: further texts ``section.name=value``.
 
         Raises:
@@ -248,11 +251,11 @@ VARIANTS = {variant.name: variant for variant in _KNOWN}
 
 
 def find_variant(name: str) -> Variant:
-    """Find a variant by its name, or a controller, to be run with default settings.
+    """Find a variant by name; a controller's name gives it with default settings.
 
     Raises:
         UsageError: no such variant; the message lists all.
-        ControllerError: a controller from outside that cannot be found.
+        ControllerError: an external controller cannot be found.
     """
     if name in VARIANTS:
         return VARIANTS[name]
@@ -279,8 +282,8 @@ def plan_in(
     """Return the plan of a run in a scenario.
 
     Args:
-        scenario: with all its values.
-        path: of its file; None when it was built in Python.
+        scenario: the scenario with all varied values.
+        path: path of its file; None if it was built in Python.
         variant: see :func:`find_variant`.
         servo_profile: of the robot file.
         seed: of the sensor noise.
@@ -289,7 +292,7 @@ def plan_in(
 
     Raises:
         FileFormatError: settings contradict each other, the robot or the scenario, or
-            a value of one that was built in Python is out of range.
+            a scenario built in Python has a value out of range.
     """
     from surefoot.robot_io.robot import load_robot
     from surefoot.run_plan import RunPlan
@@ -317,13 +320,13 @@ def plan_in(
 
 
 class Task(NamedTuple):
-    """A run with all that it needs, as it is sent to the process that does it.
+    """A run with all its inputs, as it is sent to a worker process.
 
     Attributes:
-        cell: what is run.
+        cell: the run.
         robot: shipped name or path of a robot file.
         overrides: settings, texts ``section.name=value``.
-        inputs: fingerprint of these where the study was begun; None for any.
+        inputs: fingerprint of the inputs where the study was begun; None: any.
     """
 
     cell: Work
@@ -332,10 +335,10 @@ class Task(NamedTuple):
     inputs: str | None = None
 
     def run(self) -> Row:
-        """Run it and return its row: what was run, and the figures.
+        """Run it and return its row: case and figures.
 
         Raises:
-            UsageError: the inputs found here are others.
+            UsageError: the inputs differ on this machine.
         """
         from surefoot.studies.store import inputs_fingerprint
 
@@ -351,6 +354,6 @@ class Task(NamedTuple):
 
 
 def group_of(row: Row) -> Group:
-    """Return which group a row belongs to."""
+    """Return the group of a row."""
     values = tuple((name, hashable(value)) for name, value in row["values"].items())
     return Group(row["scenario"], values, row["variant"], row["servo_profile"])

@@ -1,7 +1,7 @@
 """Runs the cells of a study: in processes of this machine, or on a cluster.
 
-Names and settings travel, code and files do not: each worker says what it would
-compute with, and is refused by name unless that is what is installed here.
+Names and settings are sent to the workers; code and files are not. Each worker reports
+its code, packages and files, and is refused by name if they differ from those here.
 """
 
 from __future__ import annotations
@@ -36,22 +36,22 @@ LOOK_S = 0.5
 
 
 def run_on_cluster(tasks: Sequence[Task], scheduler: str) -> Iterator[Row]:
-    """Run tasks on all workers, also on those that come later.
+    """Run tasks on all workers, also on those that join later.
 
-    A worker that is lost costs the run it was at, which another worker begins anew.
+    If a worker is lost, another worker repeats its run from the beginning.
 
     Args:
-        tasks: what to run.
+        tasks: the runs.
         scheduler: its address, such as ``tcp://head:8786``.
 
     Yields:
-        The row of each, in the order in which they are done.
+        The row of each task, in the order in which they finish.
 
     Raises:
         EnvironmentFailedError: no scheduler or no worker answers, or the scheduler
             is lost.
         UsageError: a worker has other code, packages or files.
-        SurefootError: a run ended every worker that it was tried on.
+        SurefootError: one run ended every worker on which it was tried.
     """
     from distributed import as_completed
     from distributed.client import FutureCancelledError
@@ -81,16 +81,16 @@ def run_on_cluster(tasks: Sequence[Task], scheduler: str) -> Iterator[Row]:
 
 
 def about_work(kinds: Sequence[str]) -> dict[str, str]:
-    """Return what runs are made with here: code and packages, by name.
+    """Return fingerprints and versions of the code and packages here, by name.
 
     Args:
-        kinds: the modules that say how each kind of run is done.
+        kinds: modules that implement each kind of run.
     """
     return {**about_code(), **{kind: code_fingerprint(kind) for kind in kinds}}
 
 
 def check_workers(client: Any, kinds: Sequence[str], about: Mapping[str, str]) -> None:
-    """Refuse workers that would compute with something else, before anything is run.
+    """Refuse workers with other code or packages, before anything is run.
 
     Raises:
         EnvironmentFailedError: there is no worker.
@@ -113,10 +113,10 @@ def check_workers(client: Any, kinds: Sequence[str], about: Mapping[str, str]) -
 
 
 def run_checked(task: Task, *, about: Mapping[str, str]) -> Row:
-    """Run a task where it was sent, unless something else would be computed there.
+    """Run a task on a worker, unless its code, packages or files are others.
 
     Raises:
-        UsageError: code or packages are others, or files.
+        UsageError: the worker has other code, packages or files.
     """
     from distributed import get_worker
 
@@ -139,15 +139,15 @@ def _compare(there: Mapping[str, str], here: Mapping[str, str], address: str) ->
 
 
 def _short(value: str) -> str:
-    """A digest's beginning is enough to tell two apart."""
+    """The beginning of a digest; enough to tell two apart."""
     return value[:12]
 
 
 def check_address(scheduler: str) -> None:
-    """See that a scheduler's address can be one.
+    """Check the form of a scheduler's address.
 
     Raises:
-        UsageError: it cannot.
+        UsageError: it is not an address.
     """
     if not _ADDRESS.fullmatch(scheduler):
         raise UsageError(
@@ -173,7 +173,7 @@ def _client(scheduler: str) -> Iterator[Any]:
             "with `dask scheduler`, and give the address that it says, such as "
             "tcp://head:8786"
         ) from error
-    # Its tracebacks tell nothing that the errors above do not.
+    # Its tracebacks add nothing to the errors above.
     log = logging.getLogger("distributed.client")
     level = log.level
     log.setLevel(logging.CRITICAL)
@@ -185,18 +185,18 @@ def _client(scheduler: str) -> Iterator[Any]:
 
 
 def end_with(parent: int) -> None:
-    """End this process once its parent was killed, whatever it does then.
+    """End this process once its parent is gone, even in the middle of a run.
 
-    Nobody would get what it does; and a parent that dies while it holds a lock of its
-    workers would leave those that wait for work waiting forever.
+    Its results would reach nobody. And a parent that dies with a lock of its workers
+    would leave the waiting ones waiting forever.
 
     Args:
-        parent: id of the process that asks for the work.
+        parent: id of the parent process.
     """
 
     def watch() -> None:
         while os.getppid() == parent:
-            time.sleep(LOOK_S)  # nothing tells a process that its parent has died
+            time.sleep(LOOK_S)  # no event tells of a parent's death
         os._exit(1)
 
     threading.Thread(target=watch, name="parent-watch", daemon=True).start()
@@ -213,11 +213,11 @@ def execute(
     title: str,
     bar: CountBar = no_bar,
 ) -> list[Row]:
-    """Do every run that the store does not have yet, and keep each when done.
+    """Do every run that is not in the store yet, and store each when done.
 
     Args:
         cells: all runs of the study.
-        store: of the study; written to once all cells have been checked.
+        store: store of the study; it is written once all cells are checked.
         robot: shipped robot or a robot file.
         overrides: settings for all, ``section.name=value``.
         jobs: processes; 0 for one per processor.
@@ -231,8 +231,8 @@ def execute(
     Raises:
         FileFormatError: a value does not fit its scenario, or no controller reads a
             setting; nothing has been run.
-        UsageError: kept runs are of another scenario, robot or settings, or a run is
-            asked for twice, which would count as two.
+        UsageError: stored runs are of another scenario, robot or settings, or a run is
+            given twice and would count as two.
     """
     _check_once(cells)
     if scheduler is not None:
@@ -263,7 +263,7 @@ def _check_once(cells: Sequence[Work]) -> None:
 def tasks_of(
     cells: Sequence[Work], *, robot: str, overrides: tuple[str, ...]
 ) -> list[Task]:
-    """Check cells and return them with all that their runs need.
+    """Check cells and return them with all inputs of their runs.
 
     Raises:
         FileFormatError: a value does not fit its scenario, or no controller reads a
@@ -282,10 +282,10 @@ def tasks_of(
 def run_tasks(
     tasks: Sequence[Task], *, jobs: int = 0, scheduler: str | None = None
 ) -> Iterator[Row]:
-    """Run tasks in parallel; yields each row when it is done.
+    """Run tasks in parallel; yield each row when it is done.
 
     Args:
-        tasks: what to run.
+        tasks: the runs.
         jobs: processes; 0 for one per processor, 1 for this one.
         scheduler: address of a Dask scheduler, whose workers run them instead.
     """

@@ -1,4 +1,4 @@
-"""The paper's evaluation: its cases, and its claims beside what was found."""
+"""The paper's evaluation: its cases, and its claims compared with the results."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ CORE = (
     "tilt-sine-roll",
     "tilt-sine-pitch",
 )
-"""The paper's scenarios, and tilts at the rates we set ourselves."""
+"""The paper's scenarios, and tilts at this project's own rates."""
 PUSHED = ("push-standing", "push-slow-platform")
 DIRECTION = "push.0.direction_deg"
 DIRECTIONS = tuple(45.0 * i for i in range(8))
@@ -55,12 +55,12 @@ ROBUST_SHARE, DROP_80_SHARE = 0.95, 0.9
 
 @dataclass(frozen=True)
 class Extent:
-    """How much of it is run.
+    """Extent of the evaluation.
 
     Attributes:
-        seeds: 0 to this, without.
+        seeds: number of seeds, from 0 on.
         variants: controllers.
-        rates: of the tilt ramps, for the limit [deg/s].
+        rates: rates of the tilt ramps, for the limit [deg/s].
     """
 
     seeds: int
@@ -69,7 +69,7 @@ class Extent:
 
 
 def extent(*, quick: bool, seeds: int | None) -> Extent:
-    """Return the full study, or the quick one with fewer seeds, rates, controllers."""
+    """Return the full extent, or the quick one: fewer seeds, rates and controllers."""
     if quick:
         return Extent(
             seeds or QUICK_SEEDS, (WHOLE_BODY, TUNED), (60.0, 120.0, 180.0, 240.0)
@@ -79,7 +79,7 @@ def extent(*, quick: bool, seeds: int | None) -> Extent:
 
 
 def cells_of(size: Extent) -> list[Cell]:
-    """Return all runs, a whole round before the next seed."""
+    """Return all runs: all cases with one seed, then with the next."""
     groups: list[Group] = []
     for variant in size.variants:
         for profile in PROFILES:
@@ -103,11 +103,11 @@ def cells_of(size: Extent) -> list[Cell]:
 
 @dataclass(frozen=True)
 class Claim:
-    """A statement, and what was measured of it.
+    """A statement and its measurement.
 
     Attributes:
-        statement: what is claimed or aimed at.
-        measured: in words and numbers.
+        statement: the claim or the goal.
+        measured: result in words and numbers.
         verdict: HOLDS, FAILS or OPEN.
     """
 
@@ -117,27 +117,27 @@ class Claim:
 
 
 class Evidence:
-    """Looks up what was measured."""
+    """Looks up results by group."""
 
     def __init__(self, summaries: Summaries) -> None:
-        """Take all of a study."""
+        """Take all summaries of a study."""
         self.summaries = summaries
 
     def of(
         self, scenario: str, variant: str, profile: str = IDEAL, **values: float
     ) -> GroupSummary | None:
-        """Return a group's summary; None when it was not run."""
+        """Return a group's summary; None if it was not run."""
         return self.summaries.get(
             Group(scenario, tuple(values.items()), variant, profile)
         )
 
     def where(self, wanted: Callable[[Group], bool]) -> list[GroupSummary]:
-        """Return all summaries whose group fits."""
+        """Return the summaries of all groups for which ``wanted`` is true."""
         return [s for group, s in self.summaries.items() if wanted(group)]
 
 
 def claims(evidence: Evidence) -> list[Claim]:
-    """Return what the paper claims; ZMP is the tuned baseline unless said."""
+    """Return the paper's claims; ZMP is the tuned baseline unless stated."""
     slow, fast = "moving-platform-slow", "moving-platform-fast"
     pair_slow, pair_fast = "two-platforms-slow", "two-platforms-fast"
     return [
@@ -157,7 +157,7 @@ def claims(evidence: Evidence) -> list[Claim]:
 
 
 def goals(evidence: Evidence) -> list[Claim]:
-    """Return what this project set itself, default settings."""
+    """Return this project's own goals, for default settings."""
     one = evidence.of("moving-platform-slow", WHOLE_BODY)
     height = None if one is None or one.com_rms_mm is None else one.com_rms_mm[2]
     worst = (
@@ -272,7 +272,7 @@ def _limit_of(evidence: Evidence, variant: str, statement: str, *, at: float) ->
 def _limits(
     evidence: Evidence, variant: str, profile: str
 ) -> dict[str, tuple[float, str]]:
-    """Return where half the runs fall [deg/s], by axis, as numbers and texts."""
+    """Return the rates at which half the runs fall [deg/s], by axis, also as text."""
     limits = {}
     for name in RAMPS:
         for curve in curves_over(evidence.summaries, scenario=name, name=TILT_RATE):

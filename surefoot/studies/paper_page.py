@@ -55,9 +55,9 @@ def render(template: Path, **values: Any) -> str:
     """Fill a template.
 
     Args:
-        template: a Jinja file; it gets ``style``, ``made``, ``versions`` and ``python``
-            besides.
-        values: what it shows.
+        template: a Jinja file; it also gets ``style``, ``made``, ``versions`` and
+            ``python``.
+        values: its values.
     """
     import jinja2
     from markupsafe import Markup
@@ -78,7 +78,7 @@ def render(template: Path, **values: Any) -> str:
 
 
 def inline_svg(svg: bytes) -> str:
-    """Return a drawing as an address; its names clash with no other drawing's."""
+    """Return a drawing as a data URL: its ids then clash with no other drawing's."""
     return "data:image/svg+xml;base64," + base64.b64encode(svg).decode()
 
 
@@ -88,7 +88,7 @@ COMPARED = (WHOLE_BODY, TUNED)
 def record(
     scenario: str, variant: str, values: tuple[tuple[str, Any], ...] = ()
 ) -> dict[str, Array]:
-    """Signals of every tick of one run with seed 0 and the ideal servo."""
+    """Return the signals of one run with seed 0 and the ideal servo."""
     from surefoot.signals import memory_sinks
     from surefoot.simulation import Simulation
     from surefoot.stabilizer.factory import make_controller
@@ -128,7 +128,7 @@ def draw(title: str, runs: dict[str, dict[str, Array]]) -> bytes:
                 label = "yaw" if names == "rpy" and index == 2 else label
                 axes.plot(time_s, values[::EVERY_TICKS, index], lw=0.9, label=label)
             axes.grid(alpha=0.3)
-            if column == len(runs) - 1:  # beside the last one: inside it hides curves
+            if column == len(runs) - 1:  # outside: inside it hides curves
                 axes.legend(
                     fontsize="small", loc="center left", bbox_to_anchor=(1.0, 0.5)
                 )
@@ -146,13 +146,13 @@ TEMPLATE = Path(__file__).parent / "paper.html.j2"
 def write_report(
     folder: Path, summaries: Summaries, *, about: dict[str, Any], missing: int
 ) -> Path:
-    """Write index.html and, beside it, the same numbers for programs.
+    """Write index.html, and a file with the same numbers for programs.
 
     Args:
-        folder: of the study; its ``figures`` are taken in.
-        summaries: all that was measured, be it part of the study only.
-        about: what the study's folder says of itself.
-        missing: runs of the study that are not there.
+        folder: folder of the study; its ``figures`` become part of the page.
+        summaries: all results, also those of an incomplete study.
+        about: description in the study's folder.
+        missing: runs of the study that are missing.
 
     Returns:
         The page.
@@ -188,7 +188,7 @@ def write_report(
 
 
 def _settings(names: list[str]) -> dict[str, str]:
-    """Return all settings of these controllers, also those for other servos."""
+    """Return all settings of these controllers, with those for single profiles."""
     texts = {}
     for name in names:
         variant = VARIANTS[name]

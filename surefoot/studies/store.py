@@ -1,9 +1,9 @@
-"""Finished runs of a study on the disk, and what makes them those of this code.
+"""Finished runs of a study on disk, with fingerprints of code, packages and inputs.
 
-A finished run may stand for a new one as long as all three are the same. Code is what
-one simulated run imports, however deep: plant, controller, settings and the figures.
-The command line, pages, recorders and the bus are not among it, so a change of theirs
-throws no study away; nor does a comment or a docstring.
+A finished run replaces a new one as long as all three are the same. Code means all
+modules that a simulated run imports, directly or not: plant, controller, settings and
+figures. Command line, pages, recorders and bus are left out: a change there keeps all
+studies valid, and so does a change of comments or docstrings.
 """
 
 from __future__ import annotations
@@ -45,15 +45,15 @@ _ELSEWHERE = tuple(
         *("robot_io.relay", "robot_io.ticks", "signals", "out_folder", "run_folder"),
     )
 )
-"""Imported on the way, but never asked for a figure: bus, files and records."""
+"""Modules that are imported but affect no figure: bus, files and records."""
 PACKAGES = ("mujoco", "pin", "piqp", "numpy")
-"""What else computes."""
+"""Packages that affect the figures."""
 _FOLDER = Path(__file__).resolve().parents[2]
 STUDY, RUNS = "study.json", "runs.jsonl"
 
 
 def about_code() -> dict[str, str]:
-    """Return digest of the code and versions of what it computes with, by name."""
+    """Return the digest of the code and the versions of its packages, by name."""
     packages = {name: version(name) for name in PACKAGES}
     python = ".".join(platform.python_version_tuple()[:2])
     return {"code": code_fingerprint(), "python": python, **packages}
@@ -61,7 +61,7 @@ def about_code() -> dict[str, str]:
 
 @cache
 def code_fingerprint(root: str = ROOT) -> str:
-    """Return the SHA-256 of the code that a run, or a module, depends on."""
+    """Return the SHA-256 of the code on which a run, or a module, depends."""
     digest = hashlib.sha256()
     for name, tree in sorted(code_of_a_run(root).items()):
         digest.update(f"{name}\n{ast.dump(_without_docstrings(tree))}\n".encode())
@@ -69,7 +69,7 @@ def code_fingerprint(root: str = ROOT) -> str:
 
 
 def code_of_a_run(root: str = ROOT) -> dict[str, ast.Module]:
-    """Return the modules that a run imports, from whatever depth, by name."""
+    """Return the modules that a run imports, directly or not, by name."""
     found: dict[str, ast.Module] = {}
     waiting = [root]
     while waiting:
@@ -87,7 +87,7 @@ def _is_elsewhere(name: str) -> bool:
 
 
 def _file_of(name: str) -> Path | None:
-    """Find the source of a module; None for a name inside one."""
+    """Find the source of a module; None if the name is not a module."""
     path = _FOLDER.joinpath(*name.split("."))
     for file in (path.with_suffix(".py"), path / "__init__.py"):
         if file.is_file():
@@ -96,7 +96,7 @@ def _file_of(name: str) -> Path | None:
 
 
 def _imports(tree: ast.Module) -> Iterator[str]:
-    """Names that may be modules; those for the type checker alone are left out."""
+    """Imported names that may be modules, without those only for the type checker."""
     waiting: list[ast.AST] = [tree]
     while waiting:
         node = waiting.pop()
@@ -127,13 +127,13 @@ def _is_text(node: ast.AST) -> bool:
 
 
 def inputs_fingerprint(plan: RunPlan) -> str:
-    """Return the SHA-256 of what a plan puts into a run, besides the seed.
+    """Return the SHA-256 of all inputs of a run except the seed.
 
-    It is that of contents, wherever the files lie: scenario and recorded motions, robot
-    file and URDF, settings, and the source of a controller from outside.
+    It is taken of contents, not of paths: scenario and recorded motions, robot file and
+    URDF, settings, and the source of an external controller.
 
     Raises:
-        ScenarioError: a recording cannot be read, or is no motion.
+        ScenarioError: a recording cannot be read, or is not a motion.
     """
     with naming_scenario(plan.scenario_path or Path(plan.scenario.name)):
         recorded_ground(plan.scenario)
@@ -154,24 +154,24 @@ def inputs_fingerprint(plan: RunPlan) -> str:
 class StudyStore:
     """A folder of finished runs, one JSON line each.
 
-    A run is written when it is done and never changed; a line that was cut off when
-    the process was killed is left out, and that run is done again.
+    A run is written when it is done and never changed. A line that a killed process
+    left incomplete is dropped, and its run is done again.
 
     Attributes:
         rows: finished runs by key.
     """
 
     def __init__(self, folder: Path, *, about: dict[str, Any]) -> None:
-        """Look at a former study, or name a new one; :meth:`begin` writes.
+        """Read a former study, or describe a new one; :meth:`begin` writes.
 
         Args:
-            folder: where it is, or will be.
-            about: what all runs share, such as overrides; code and packages are
+            folder: existing or new folder of the study.
+            about: inputs common to all runs, such as overrides; code and packages are
                 added.
 
         Raises:
-            UsageError: the folder holds runs of other code or settings, or something
-                else altogether.
+            UsageError: the folder holds runs of other code or settings, or other
+                files.
         """
         self.rows: dict[str, Row] = {}
         self._folder = folder
@@ -189,15 +189,15 @@ class StudyStore:
         self.rows = {row["key"]: row for row in read_rows(folder)}
 
     def __enter__(self) -> Self:
-        """Give itself."""
+        """Return itself."""
         return self
 
     def begin(self) -> None:
-        """Make the folder, and open the file of runs without a line that was cut off.
+        """Make the folder, drop an incomplete last line, and open the file of runs.
 
         Raises:
-            UsageError: something on the way to the folder is a file, or another
-                command is writing there.
+            UsageError: a part of the folder's path is a file, or another command is
+                writing there.
             EnvironmentFailedError: nothing can be written there.
         """
         if self._file is not None:
@@ -206,7 +206,7 @@ class StudyStore:
         self._made = [path for file in files for path in not_there(file)]
         make_out_folder(self._folder, out=self._folder)
         self._lock = FolderLock(self._folder)
-        # Another command may have done some of them since this one looked.
+        # Another command may have finished some runs since the first look.
         self.rows = {row["key"]: row for row in read_rows(self._folder)}
         write_json(self._folder / STUDY, self.about)
         with atomic_file(self._path) as file:
@@ -215,9 +215,9 @@ class StudyStore:
         self._file = self._path.open("ab")
 
     def __exit__(self, error: object, *more: object) -> None:
-        """Close the file, and let others write there.
+        """Close the file, and let other commands write.
 
-        After an error a study that has no run yet is as if it had not been begun.
+        After an error, a study without any run is removed again.
         """
         if self._file is not None:
             self._file.close()
@@ -227,7 +227,7 @@ class StudyStore:
             self._lock.release()
 
     def add(self, row: Row) -> None:
-        """Keep a finished run."""
+        """Store a finished run."""
         self.begin()
         assert self._file is not None
         self._file.write(msgspec.json.encode(row) + b"\n")
@@ -235,13 +235,13 @@ class StudyStore:
         self.rows[row["key"]] = row
 
     def check(self, task: Task) -> None:
-        """See that a kept run of a cell, if there is one, is the run that is meant.
+        """Check that the stored run of a task, if there is one, has the same inputs.
 
         Args:
-            task: what is to be run, with scenario, robot and settings as they are.
+            task: the run with its present scenario, robot and settings.
 
         Raises:
-            UsageError: it was made with others of the same name.
+            UsageError: the stored run had other inputs under the same names.
         """
         row = self.rows.get(task.cell.key)
         if row is not None and row["inputs"] != task.inputs:
@@ -276,10 +276,10 @@ def _read_marker(path: Path) -> dict[str, Any]:
 
 
 def read_rows(folder: Path) -> Iterable[Row]:
-    """Read the finished runs of a folder, without a last line that was cut off.
+    """Read the finished runs of a folder; an incomplete last line is dropped.
 
     Raises:
-        UsageError: another line is none of ours.
+        UsageError: another line is not a run.
     """
     path = folder / RUNS
     if not path.is_file():

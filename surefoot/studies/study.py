@@ -1,6 +1,7 @@
-"""A study as one call, and what its runs amount to.
+"""A study as one call, and the summary of its runs.
 
-Scenarios are varied over seeds, controllers and servo profiles.
+Scenarios are run over seeds, controllers, servo profiles and varied values; ``surefoot
+sweep`` and notebooks use it.
 """
 
 from __future__ import annotations
@@ -37,9 +38,9 @@ from surefoot.studies.tables import markdown_table, write_summary
 SETTINGS_ONLY = {name.partition(".")[0] for name in setting_names()} - set(
     Scenario.__struct_fields__
 )
-"""Sections of settings that no scenario has."""
+"""Sections of settings; no scenario has sections of these names."""
 MOST_RUNS = 1_000_000
-"""Of a study: a year on one processor, and what memory holds of cells."""
+"""Largest number of runs of a study: a year on one processor; cells fit in memory."""
 CONFIDENCE = 0.95
 
 
@@ -48,7 +49,7 @@ def success_interval(successes: int, runs: int) -> tuple[float, float]:
 
     Args:
         successes: at most ``runs``.
-        runs: how many there were; the interval is (0, 1) for none.
+        runs: number of runs; the interval of 0 runs is (0, 1).
 
     Returns:
         Lower and upper end, within [0, 1].
@@ -63,20 +64,20 @@ def success_interval(successes: int, runs: int) -> tuple[float, float]:
 
 @dataclass(frozen=True)
 class GroupSummary:
-    """Figures of a group; means and worst are over the runs that stayed up.
+    """Figures of a group; means and worst cases are over the runs that stayed up.
 
     Attributes:
-        runs: how many there were.
-        up: how many stayed up.
+        runs: number of runs.
+        up: number of runs that stayed up.
         up_from: lower end of the 95 % interval of the success rate.
         up_to: its upper end.
-        com_rms_mm: mean over seeds of the CoM error, x y z.
-        com_rms_worst_mm: worst seed.
-        com_max_mm: worst seed's largest error, x y z.
-        tilt_max_deg: worst seed.
-        force_deviation_n: mean over seeds; of both feet, root mean square.
-        force_peak_n: worst seed, either foot.
-        contact_gap_s: worst seed, either foot.
+        com_rms_mm: rms CoM error, mean over seeds, x y z.
+        com_rms_worst_mm: rms CoM error of the worst seed.
+        com_max_mm: largest CoM error of the worst seed, x y z.
+        tilt_max_deg: largest tilt of the worst seed.
+        force_deviation_n: rms force deviation of both feet, mean over seeds.
+        force_peak_n: largest force of the worst seed, either foot.
+        contact_gap_s: longest contact gap of the worst seed, either foot.
     """
 
     runs: int
@@ -93,7 +94,7 @@ class GroupSummary:
 
     @property
     def horizontal_mm(self) -> float | None:
-        """CoM error along the ground, rms of x and y together."""
+        """Horizontal CoM error: rms of x and y together."""
         return None if self.com_rms_mm is None else math.hypot(*self.com_rms_mm[:2])
 
     def as_dict(self) -> dict[str, Any]:
@@ -105,7 +106,7 @@ Summaries = dict[Group, GroupSummary]
 
 
 def summarise(rows: Iterable[Row]) -> Summaries:
-    """Return summaries by group, in the order in which the groups first come."""
+    """Return summaries by group, in the order of the groups' first rows."""
     groups: dict[Group, list[Row]] = {}
     for row in rows:
         groups.setdefault(group_of(row), []).append(row)
@@ -138,13 +139,13 @@ def _summary(rows: list[Row]) -> GroupSummary:
 
 
 def _largest(rows: list[Row], name: str) -> float | None:
-    """Largest of both feet over runs; those that ended before any counted left out."""
+    """Largest value of both feet over the runs that have one."""
     values = [max(row[name]) for row in rows if row[name] is not None]
     return max(values, default=None)
 
 
 def _over(rows: list[Row], name: str, what: Any) -> list[float] | None:
-    """Combine axis by axis, without runs that ended before anything counted."""
+    """Combine axis by axis over the runs that have values."""
     values = [row[name] for row in rows if row[name] is not None]
     if not values:
         return None
@@ -157,18 +158,18 @@ def _mean(values: Sequence[float]) -> float:
 
 @dataclass(frozen=True)
 class Study:
-    """Finished runs and what they amount to.
+    """Finished runs and their summaries.
 
     Attributes:
-        rows: one a run: what was run, and its figures.
-        summaries: one a group of runs that differ by their seed only.
+        rows: one per run: its case and figures.
+        summaries: one per group of runs that differ only by their seed.
     """
 
     rows: list[Row]
     summaries: Summaries
 
     def __repr__(self) -> str:
-        """Count its runs; ``table()`` says what they amount to."""
+        """Return the number of runs; ``table()`` shows their summaries."""
         return f"<Study of {len(self.rows)} runs in {len(self.summaries)} groups>"
 
     def table(self) -> str:
@@ -198,14 +199,14 @@ def study(
         controllers: ``whole-body``, ``person``, ``paper``, ``zmp-tuned``,
             ``zmp-stock`` or any name as on the command line.
         servo_profiles: of the robot file.
-        seeds: how many, from 0 on, or which.
+        seeds: number of seeds, from 0 on, or a list of seeds.
         robot: shipped name or path of a robot file.
         settings: for all runs, such as ``{"tsid.base_kp": 120.0}``.
         jobs: processes; 0 for one per processor.
         scheduler: address of a Dask scheduler, such as ``tcp://head:8786``, whose
             workers run them instead.
-        out: a folder that keeps finished runs, so that a study that was ended goes on
-            where it was; None keeps nothing on disk.
+        out: a folder that keeps finished runs, from which an interrupted study is
+            resumed; None keeps nothing on disk.
         bar: shows how many runs are done.
 
     Raises:
@@ -247,12 +248,12 @@ def make_cells(
     servo_profiles: Sequence[str],
     seeds: Sequence[int],
 ) -> list[Cell]:
-    """Return every combination; a whole round of all cases before the next seed.
+    """Return every combination: all cases with one seed, then with the next.
 
     Args:
         scenarios: shipped names or paths.
-        levels: for each scenario key, or setting, that is varied, its path with each
-            value.
+        levels: for each varied scenario key or setting, its path with each of its
+            values.
         controllers: see :func:`study`.
         servo_profiles: of the robot file.
         seeds: of the sensor noise.
@@ -303,11 +304,11 @@ def run_study(
     scheduler: str | None = None,
     bar: CountBar = no_bar,
 ) -> Study:
-    """Run what a folder does not hold yet, and write its summary.
+    """Do the runs that a folder does not hold yet, and write its summary.
 
     Args:
         cells: all runs.
-        folder: of finished runs; made if need be.
+        folder: folder of finished runs; it is made if missing.
         robot: shipped name or path of a robot file.
         overrides: settings for all runs, texts ``section.name=value``.
         jobs: processes; 0 for one per processor.

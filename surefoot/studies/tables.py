@@ -35,15 +35,17 @@ COLUMNS = (
 
 
 def success_limit(levels: Sequence[float], rates: Sequence[float]) -> float | None:
-    """Find where the success rate first falls below a half, by interpolation.
+    """Find the level at which the success rate first falls below one half.
+
+    It is interpolated linearly.
 
     Args:
-        levels: what was varied, rising.
-        rates: success rate at each.
+        levels: varied value, rising.
+        rates: success rate at each level.
 
     Returns:
-        None when the rate never falls below: the limit is beyond what was tried.
-        The first level when it is below from the start.
+        None if the rate never falls below: the limit is beyond the levels tried.
+        The first level if the rate is below one half there.
     """
     for i, (level, rate) in enumerate(zip(levels, rates, strict=True)):
         if rate >= 0.5:
@@ -62,9 +64,9 @@ class Curve:
     Attributes:
         label: controller and servo profile.
         levels: the value, rising.
-        rates: success rate at each.
-        low: lower end of its interval.
-        high: upper end.
+        rates: success rate at each level.
+        low: lower end of the rate's interval.
+        high: upper end of the rate's interval.
     """
 
     label: str
@@ -75,7 +77,7 @@ class Curve:
 
     @property
     def limit(self) -> float | None:
-        """Where half the runs fall; None when beyond what was tried."""
+        """Level at which half the runs fall; None if it is beyond the levels tried."""
         return success_limit(self.levels, self.rates)
 
 
@@ -97,11 +99,11 @@ _UNITS = {
         unit: unit for unit in ("deg", "rad", "mm", "ms", "ns", "kg", "m", "s", "bytes")
     },
 }
-"""Ends of the names of values, longer ones first, and the units they stand for."""
+"""Unit suffixes of names, longer ones first, and their units."""
 
 
 def split_unit(name: str) -> tuple[str, str]:
-    """Return a value's name without its unit, and the unit; empty where it has none."""
+    """Return a value's name without its unit suffix, and the unit, or no unit."""
     for end, unit in _UNITS.items():
         if name.endswith(f"_{end}"):
             return name.removesuffix(f"_{end}"), unit
@@ -109,13 +111,13 @@ def split_unit(name: str) -> tuple[str, str]:
 
 
 def short_name(name: str) -> str:
-    """Return a scenario's or controller's name as plots show it, without its folder."""
+    """Return a scenario's or controller's name for plots, without its folder."""
     path, colon, law = name.partition(":")
     return law if colon else Path(path).name.removesuffix(".toml")
 
 
 def value_in_words(path: str) -> str:
-    """Return what a path of a scenario's value stands for, with its unit.
+    """Return the value at a scenario's path in words, with its unit.
 
     Args:
         path: such as ``platform.0.motion.1.amplitude_deg``.
@@ -129,7 +131,7 @@ def value_in_words(path: str) -> str:
 
 
 def curves_over(summaries: Summaries, *, scenario: str, name: str) -> list[Curve]:
-    """Return the curves of a scenario over one varied value, all else equal."""
+    """Return a scenario's curves over one varied value; all else is equal."""
     found: dict[str, list[tuple[float, float, float, float]]] = {}
     for group, summary in summaries.items():
         values = dict(group.values)
@@ -153,16 +155,16 @@ def draw_curves(
 
     Args:
         curves: one line each.
-        xlabel: of what was varied.
+        xlabel: name of the varied value.
         title: of the plot.
-        mark: a level to point out, and its name.
+        mark: a level to mark, and its name.
 
     Returns:
         SVG.
     """
     figure, axes = canvas(7.2, 3.4)
     for index, curve in enumerate(curves):
-        # Curves on top of each other stay visible: later ones are drawn smaller.
+        # Later curves have smaller markers: curves on top of each other stay visible.
         size = 10.0 - 8.0 * index / len(curves)
         (line,) = axes.plot(
             curve.levels, curve.rates, marker="o", markersize=size, label=curve.label
@@ -185,13 +187,13 @@ def canvas(
     """Return an empty matplotlib figure and its panels, each with a grid.
 
     Args:
-        width_in: of the figure [in].
-        height_in: of it [in].
-        rows: of panels, which share the axis along x.
-        columns: of panels.
+        width_in: width of the figure [in].
+        height_in: height of the figure [in].
+        rows: rows of panels, which share the x axis.
+        columns: columns of panels.
 
     Returns:
-        The figure; one panel, or an array of several without its axes of length 1.
+        The figure; and one panel, or an array of panels without axes of length 1.
     """
     from matplotlib.figure import Figure
 
@@ -203,11 +205,11 @@ def canvas(
 
 
 def svg_of(figure: Any, *, legend: bool = True) -> bytes:
-    """Return a matplotlib figure as SVG, the same bytes for the same drawing.
+    """Return a matplotlib figure as SVG; the same drawing gives the same bytes.
 
     Args:
-        figure: complete but for its legend.
-        legend: beside the panels; inside them it would cover curves.
+        figure: complete except for its legend.
+        legend: add one beside the panels; inside them it would cover curves.
     """
     import matplotlib as mpl
 
@@ -220,7 +222,7 @@ def svg_of(figure: Any, *, legend: bool = True) -> bytes:
 
 
 def cells_of(group: Group, summary: GroupSummary) -> list[str]:
-    """Return a group's row, as text."""
+    """Return the cells of a group's row, as text."""
     com = summary.com_rms_mm
     return [
         group.case,
@@ -253,7 +255,7 @@ def write_csv(path: Path, summaries: Summaries) -> None:
 
 
 def write_rows(path: Path, rows: Iterable[Iterable[object]]) -> None:
-    """Write a CSV file, headings first, whole or not at all."""
+    """Write a CSV file, headings first, completely or not at all."""
     text = io.StringIO(newline="")
     csv.writer(text).writerows(rows)
     write_whole(path, text.getvalue().encode())
@@ -298,8 +300,8 @@ def summary_rows(summaries: Summaries) -> list[dict[str, object]]:
 def write_summary(folder: Path, summaries: Summaries) -> None:
     """Write summary.csv, summary.json and a success curve per varied value.
 
-    Curves need matplotlib, which comes with the extra ``report``; without it a log
-    message says that they are left out.
+    Curves need matplotlib, which comes with the extra ``report``. Without it they are
+    left out, and a log message tells so.
     """
     write_csv(folder / "summary.csv", summaries)
     write_json(folder / "summary.json", summary_rows(summaries))

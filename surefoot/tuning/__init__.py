@@ -1,1 +1,1 @@
-"""Gains that are found by search: parameters, trials, workers, and what came out."""
+"""Search of gains: parameters, trials, workers and outcome."""

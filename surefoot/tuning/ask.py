@@ -1,4 +1,7 @@
-"""What a search is asked for, checked before anything is run."""
+"""Specification of a search, checked before anything is run.
+
+``surefoot.tune`` makes it; workers read it from the journal.
+"""
 
 from __future__ import annotations
 
@@ -32,40 +35,40 @@ from surefoot.tuning.parameters import Parameter, Value, overrides_of, parse_par
 
 Sampler = Literal["tpe", "nsga2"]
 _STARTUP = 10
-"""Trials drawn at random before the sampler has something to go by."""
+"""Number of trials drawn at random before the sampler uses results."""
 _POPULATION = 20
-"""Of NSGA-II: a search of gains has hundreds of trials, not thousands."""
+"""Population of NSGA-II: a search of gains has hundreds of trials, not thousands."""
 
 
 class Spec(msgspec.Struct, frozen=True, kw_only=True):
-    """A search; kept in its journal."""
+    """Specification of a search; kept in its journal."""
 
     scenarios: list[str]
-    """Those it is trained on: shipped names, or whole paths."""
+    """Scenarios of the search: shipped names, or absolute paths."""
     seeds: list[int]
-    """Of the sensor noise."""
+    """Seeds of the sensor noise."""
     parameters: list[Parameter]
-    """What it may change."""
+    """Parameters that are searched."""
     objectives: list[str]
-    """What it makes small."""
+    """Names of the figures that are minimised."""
     controller: str
-    """Controller or variant, as of a sweep."""
+    """Controller or variant, as for a sweep."""
     base: list[str]
     """Settings at the start, as texts ``section.name=value``."""
     start: dict[str, Value]
-    """Value of each parameter there."""
+    """Value of each parameter at the start."""
     robot: str
-    """Shipped name or whole path."""
+    """Shipped name or absolute path."""
     servo_profile: str
-    """Of the robot file."""
+    """Servo profile of the robot file."""
     sampler: Sampler
-    """Which algorithm proposes."""
+    """Algorithm that proposes values."""
     seed: int
-    """Of the sampler."""
+    """Seed of the sampler."""
     inputs: list[str]
     """Fingerprint of each scenario's run at the start."""
     about: dict[str, str]
-    """Code and packages."""
+    """Fingerprint of the code, and versions of the packages."""
 
     @property
     def figures(self) -> list[Objective]:
@@ -78,11 +81,11 @@ class Spec(msgspec.Struct, frozen=True, kw_only=True):
         return resolve_settings(None, overrides=self.base)
 
     def rounds(self) -> list[list[TuneCell]]:
-        """Cases to run for each trial: those of one seed, then those of the next."""
+        """Return the cases of each trial: those of one seed, then those of the next."""
         return [self.cells(self.scenarios, [seed]) for seed in self.seeds]
 
     def cells(self, scenarios: list[str], seeds: list[int]) -> list[TuneCell]:
-        """Cases of some scenarios and seeds, seed by seed."""
+        """Return the cases of some scenarios and seeds, seed by seed."""
         groups = [
             Group(name, (), self.controller, self.servo_profile) for name in scenarios
         ]
@@ -90,7 +93,7 @@ class Spec(msgspec.Struct, frozen=True, kw_only=True):
         return [TuneCell(group, seed, extra) for seed in seeds for group in groups]
 
     def task(self, cell: TuneCell, values: dict[str, Value]) -> Task:
-        """A case with the values of a trial.
+        """Return a case with the values of a trial.
 
         Raises:
             FileFormatError: the values contradict each other or the robot.
@@ -101,10 +104,10 @@ class Spec(msgspec.Struct, frozen=True, kw_only=True):
         return Task(cell, self.robot, overrides, inputs_fingerprint(plan))
 
     def check_unchanged(self) -> None:
-        """See that scenarios, robot, controller and code are those it began with.
+        """Check that scenarios, robot, controller and code have not changed since.
 
         Raises:
-            UsageError: they were changed meanwhile; runs of both would be mixed.
+            UsageError: one was changed; old and new runs would be mixed.
         """
         now = inputs_of(
             self.scenarios,
@@ -127,10 +130,10 @@ class Spec(msgspec.Struct, frozen=True, kw_only=True):
             )
 
     def make_sampler(self, begun: int) -> optuna.samplers.BaseSampler:
-        """Make what proposes values, for one trial.
+        """Make the sampler of one trial.
 
         Args:
-            begun: how many trials were begun before.
+            begun: number of trials begun before.
         """
         seed = self.seed + begun
         if self.sampler == "nsga2":
@@ -140,10 +143,10 @@ class Spec(msgspec.Struct, frozen=True, kw_only=True):
         )
 
     def check_same(self, other: Spec, path: Path) -> None:
-        """See that a journal is gone on with as it was begun.
+        """Check that a journal is resumed with the specification it was begun with.
 
         Raises:
-            UsageError: it is that of another search; the message says what differs.
+            UsageError: it belongs to another search; the message names the difference.
         """
         kept, asked = (_flat(spec) for spec in (self, other))
         differing = [name for name in kept if kept[name] != asked.get(name)]
@@ -161,7 +164,7 @@ def _flat(spec: Spec) -> dict[str, Any]:
 
 Params = Mapping[str, Any] | Sequence[str]
 """``{"tsid.com_kp": (10, 80), "zmp.dcm_bias": ["off", "bias"], "dik.com_gain": None}``:
-a range, a choice, or as far as the setting allows; or texts as on the command line."""
+a range, a choice, or the range the setting allows; or texts as on the command line."""
 
 
 def make_spec(
@@ -178,10 +181,10 @@ def make_spec(
     sampler: Sampler,
     sampler_seed: int,
 ) -> Spec:
-    """Check what is to be searched; see :func:`surefoot.tune` for the arguments.
+    """Make and check a specification; see :func:`surefoot.tune` for the arguments.
 
     Raises:
-        UsageError: a name or a range that cannot be used.
+        UsageError: a name or a range cannot be used.
     """
     variant = find_variant(controller)
     model = load_robot(robot, servo_profile=servo_profile)
@@ -253,10 +256,10 @@ def inputs_of(
 def held_out_cells(
     spec: Spec, scenarios: Sequence[str], seeds: Iterable[int] | None
 ) -> list[TuneCell]:
-    """Cases that the search does not see.
+    """Return cases that the search does not use.
 
     Raises:
-        UsageError: they are among those of the search.
+        UsageError: the search uses some of them.
     """
     names = [_whole(name, find_scenario(name)) for name in scenarios]
     first = max(spec.seeds) + 1
@@ -277,7 +280,7 @@ def held_out_cells(
 
 
 def _each_once(values: Sequence[object], what: str) -> None:
-    """Refuse what is named twice: its runs would count as two."""
+    """Refuse repeated values: their runs would count twice."""
     twice = next((value for value in values if values.count(value) > 1), None)
     if twice is not None:
         raise UsageError(f"{what}: {twice} is named twice; name it once")
@@ -331,7 +334,7 @@ def _check_once(parameters: Sequence[Parameter]) -> None:
 
 
 def _differences(settings: ControllerSettings) -> list[str]:
-    """Return settings as texts, those that are not the defaults."""
+    """Return the settings that differ from the defaults, as texts."""
     found = []
     plain = msgspec.to_builtins(ControllerSettings())
     for section, values in msgspec.to_builtins(settings).items():
@@ -344,5 +347,5 @@ def _differences(settings: ControllerSettings) -> list[str]:
 
 
 def _whole(name: str, path: Path) -> str:
-    """A shipped name as it is; the whole path of anything else."""
+    """A shipped name as it is; else the absolute path."""
     return name if path.stem == name else str(path.resolve())

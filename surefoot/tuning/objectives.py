@@ -1,4 +1,4 @@
-"""What a search makes small, and the runs that tell how small it is."""
+"""Objectives that a search minimises, and the runs that measure them."""
 
 from __future__ import annotations
 
@@ -24,21 +24,21 @@ from surefoot.simulation import Simulation
 from surefoot.studies.cell import Cell, Row
 
 EFFORT, SCORE, SENSITIVITY = "effort_w", "score", "sensitivity"
-"""What a row may have besides: the joints' mean power, be it done or taken up [W]; D of
-COMTEST against people; two over the loop's disk margin."""
+"""Extra figures of a row: mean absolute power of the joints [W]; COMTEST's distance D
+from people; two over the disk margin of the loop."""
 UNWALKED = "unwalked"
-"""In a row whose walk was refused, or in which no step of it was taken: why."""
+"""Key of a row whose walk was refused or had no step taken; its value is the reason."""
 WORST_SENSITIVITY = 1e3
-"""Of a loop that sways by itself, which has no margin."""
+"""Sensitivity of an unstable loop, which has no margin."""
 _LEAST_CYCLES = 3
 BEYOND = 1e3
-"""For a trial without a figure, since its runs ended before it counted: worse than any
-that stands, in each unit."""
+"""Figure of a trial whose runs ended before the figure counted: worse than that of any
+trial that stands, in each unit."""
 
 
 @dataclass(frozen=True)
 class TuneCell(Cell):
-    """What is run, with which seed, and what is looked for besides.
+    """A run of a search: a cell with extra figures.
 
     Attributes:
         extra: some of EFFORT, SCORE, SENSITIVITY.
@@ -47,7 +47,7 @@ class TuneCell(Cell):
     extra: tuple[str, ...] = ()
 
     def run(self, plan: RunPlan) -> Row:
-        """Run its plan; what was run, and the figures."""
+        """Run the plan; return the row: case and figures."""
         from surefoot.stabilizer.factory import make_controller
 
         sway = sway_of(plan) if SCORE in self.extra else None
@@ -76,9 +76,9 @@ class TuneCell(Cell):
 
 
 def _unwalked(plan: RunPlan, sim: Simulation) -> str:
-    """Why a walk was not walked; empty where it was, and where there was none.
+    """Why a walk was not walked; empty if it was, or if there was none.
 
-    A robot that stands instead errs least of all.
+    A robot that stands instead of walking would have the smallest errors.
     """
     controller = sim.sides().controller
     walk = None if controller is None else controller.walk
@@ -88,7 +88,7 @@ def _unwalked(plan: RunPlan, sim: Simulation) -> str:
 
 
 def sway_of(plan: RunPlan) -> SwayCell | None:
-    """Return COMTEST's run that a scenario is; None for another scenario."""
+    """Return the COMTEST run that equals a scenario; None if there is none."""
     stimulus = stimulus_of(plan.scenario)
     if stimulus is None:
         return None
@@ -97,16 +97,16 @@ def sway_of(plan: RunPlan) -> SwayCell | None:
         scenario=plan.scenario,
         under=Under(plan.controller, plan.robot.file.servo.profile),
         stimulus=stimulus,
-        height_m=1.0,  # of no account for a tilt
+        height_m=1.0,  # without effect for a tilt
     )
 
 
 def stimulus_of(scenario: Scenario) -> Stimulus | None:
-    """Return the ternary tilt that a scenario is made of, as people stood on it.
+    """Return a scenario's ternary tilt, if it is one on which people were measured.
 
     Returns:
-        None unless its ground under both feet follows the sequence from 1 s on, about
-        pitch or roll, at its ordinary speed, for three cycles or more, to their end.
+        None unless the ground under both feet follows the sequence from 1 s on, about
+        pitch or roll, at ordinary speed, for three or more complete cycles.
     """
     motions = [motion for platform in scenario.platform for motion in platform.motion]
     if len(motions) != 1 or scenario.platform[0].foot != "both":
@@ -140,10 +140,10 @@ class Objective(NamedTuple):
     Attributes:
         name: as on the command line.
         unit: of the figure.
-        about: what it is.
-        of: takes it from a row; None for a run that ended before it counted, or that
-            has no such figure.
-        extra: what a run has to look for besides, if it has to.
+        about: description.
+        of: takes the figure from a row; gives None if the run ended before it counted
+            or has no such figure.
+        extra: extra figure that a run has to measure; empty if none.
     """
 
     name: str
@@ -213,12 +213,12 @@ def find_objectives(names: Sequence[str]) -> list[Objective]:
 
 
 def is_up(row: Row) -> bool:
-    """Whether the robot was up at the end, and walked where it was to."""
+    """Return whether the robot was up at the end, and walked if it had a walk."""
     return Outcome(row["outcome"]).is_up and UNWALKED not in row
 
 
 def mean_figures(rows: Sequence[Row], objectives: Sequence[Objective]) -> list[float]:
-    """Return each objective's mean over the runs that have it."""
+    """Return each objective's mean over the runs that have a figure for it."""
 
     def mean(objective: Objective) -> float:
         found = [value for row in rows if (value := objective.of(row)) is not None]
@@ -230,12 +230,12 @@ def mean_figures(rows: Sequence[Row], objectives: Sequence[Objective]) -> list[f
 def is_beaten(
     rows: Sequence[Row], by: Sequence[Row], objectives: Sequence[Objective]
 ) -> bool:
-    """Whether one trial was worse than another in every run and every objective.
+    """Return whether a trial was worse than another in every run and objective.
 
     Args:
-        rows: runs of the one, so far.
+        rows: runs of the trial so far.
         by: runs of the other, of the same cases in the same order.
-        objectives: what counts.
+        objectives: the objectives.
     """
     pairs = [
         (objective.of(row), objective.of(other))

@@ -1,4 +1,7 @@
-"""What came out of a search: the front, the choice, and what it is worth elsewhere."""
+"""Outcome of a search: Pareto front, chosen trial, and its comparison with the start.
+
+``surefoot.tune`` returns it; the page shows it.
+"""
 
 from __future__ import annotations
 
@@ -27,10 +30,10 @@ class Candidate:
     """A finished trial.
 
     Attributes:
-        place: its number among the trials; 0 is where the search began.
-        values: of the parameters.
+        place: its number among the trials; 0 is the start of the search.
+        values: value of each parameter.
         rows: its runs.
-        stopped: why it has not all of them; empty when it has, and stood.
+        stopped: why some runs are missing; empty if none is, and all stood.
         figures: mean of each objective over its runs.
     """
 
@@ -47,10 +50,10 @@ class Comparison:
 
     Attributes:
         case: scenario.
-        runs: how many of each.
-        up: how many stood, before and after.
+        runs: number of runs before, and after.
+        up: number of runs that stood, before and after.
         before: mean of each objective over the runs that stood; None when none did.
-        after: the same with what was found.
+        after: the same with the settings that were found.
     """
 
     case: str
@@ -62,18 +65,18 @@ class Comparison:
 
 @dataclass(frozen=True)
 class Tuned:
-    """A search's outcome.
+    """Outcome of a search.
 
     Attributes:
-        spec: what was searched.
+        spec: specification of the search.
         candidates: all finished trials, by place.
-        front: those that no other is better than in every objective, by the first.
-        start: where the search began.
-        chosen: of the front, the one with the least mean of its objectives, each as a
-            share of the start's.
-        training: before and after on the scenarios of the search.
-        held_out: the same on those that it has not seen; empty when it was broken off.
-        seen: scenarios to be held out whose runs were those of the search, bit for bit.
+        front: trials that no other trial dominates, sorted by the first objective.
+        start: the trial with the settings at the start.
+        chosen: trial of the front with the least mean of its objectives, each divided
+            by the start's, or by the front's least if the start fell.
+        training: before and after, on the scenarios of the search.
+        held_out: the same on held-out scenarios; empty if the search was interrupted.
+        seen: held-out scenarios whose runs equal those of the search bit for bit.
     """
 
     spec: Spec
@@ -87,19 +90,19 @@ class Tuned:
 
     @property
     def overrides(self) -> list[str]:
-        """What was found, as texts ``section.name=value`` over the defaults."""
+        """The settings found, as texts ``section.name=value`` over the defaults."""
         spec = self.spec
         tuned = overrides_of(spec.parameters, self.chosen.values, start=spec.settings)
         return [*spec.base, *tuned]
 
     @property
     def settings(self) -> ControllerSettings:
-        """All settings, as found."""
+        """All settings, with the values found."""
         return resolve_settings(None, overrides=self.overrides)
 
     @property
     def words(self) -> list[str]:
-        """What changed, and what it is worth, in sentences."""
+        """Return the changes and their effect, in sentences."""
         seen = [_SEEN.format(", ".join(self.seen))] if self.seen else []
         if not self.front:
             return [
@@ -127,10 +130,10 @@ class Tuned:
 
 
 def choose(spec: Spec, candidates: Sequence[Candidate]) -> tuple[list[Any], Candidate]:
-    """Return the front, and which of it to take.
+    """Return the front, and the trial chosen from it; the start if the front is empty.
 
     Args:
-        spec: what was searched.
+        spec: specification of the search.
         candidates: finished trials, the start first.
     """
     whole = [c for c in candidates if not c.stopped]
@@ -154,12 +157,12 @@ def choose(spec: Spec, candidates: Sequence[Candidate]) -> tuple[list[Any], Cand
 def compare(
     before: Sequence[Row], after: Sequence[Row], objectives: Sequence[Objective]
 ) -> list[Comparison]:
-    """Set runs side by side, by scenario.
+    """Compare runs by scenario.
 
     Args:
         before: runs with the settings of the start.
-        after: runs of the same cases with others.
-        objectives: which figures.
+        after: runs of the same cases with other settings.
+        objectives: figures to compare.
     """
 
     def means(rows: list[Row]) -> list[float] | None:
@@ -194,12 +197,12 @@ def _change(tuned: Tuned, name: str) -> str:
 
 
 def value_text(value: Value) -> str:
-    """Return a value of a parameter, or a figure, in few digits."""
+    """Return a parameter's value, or a figure, as text with few digits."""
     return f"{value:.4g}" if isinstance(value, float) else str(value)
 
 
 def _worth(comparisons: Sequence[Comparison], objectives: Sequence[Objective]) -> str:
-    """Falls, and each objective's mean over the cases that stood before and after."""
+    """In words: falls, and each objective's mean over the cases that stood twice."""
     runs = sum(c.runs for c in comparisons)
     up = [sum(c.up[i] for c in comparisons) for i in (0, 1)]
     words = [f"{up[0]} to {up[1]} of {runs} runs stood"]

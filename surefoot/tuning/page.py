@@ -1,4 +1,4 @@
-"""The page of a search: front, importance, before and after."""
+"""The page of a search: front, importance of parameters, before and after."""
 
 from __future__ import annotations
 
@@ -33,11 +33,11 @@ OUTCOME, SETTINGS, PAGE, TRIALS = (
 )
 FRONT = "front"
 LEAST_FOR_IMPORTANCE = 20
-"""Trials below which nothing is said about what matters."""
+"""Number of trials below which no importance is shown."""
 
 
 def draw_front(tuned: Tuned) -> bytes:
-    """Draw two objectives against each other, or one over the trials."""
+    """Draw two objectives against each other, or a single one over the trials."""
     figure, axes = canvas(7.2, 4.2)
     objectives = tuned.spec.figures
     stood = [c for c in tuned.candidates if not c.stopped]
@@ -105,11 +105,11 @@ def write_outcome(folder: Path, tuned: Tuned, study: optuna.Study) -> None:
     Args:
         folder: gets settings.toml, index.html, tune.json, trials.csv, and in ``front``
             the settings of each trial on the front.
-        tuned: what came out.
+        tuned: outcome of the search.
         study: Optuna's view, for the importance of the parameters.
     """
     weights = importance(tuned, study)
-    write_json(folder / OUTCOME, as_dict(tuned, weights))  # the folder is ours by it
+    write_json(folder / OUTCOME, as_dict(tuned, weights))  # marks the folder as ours
     write_whole(folder / SETTINGS, _settings(tuned, tuned.chosen))
     (folder / FRONT).mkdir(exist_ok=True)
     for former in (folder / FRONT).glob("trial-[0-9][0-9][0-9][0-9].toml"):
@@ -124,8 +124,8 @@ def write_outcome(folder: Path, tuned: Tuned, study: optuna.Study) -> None:
 def importance(tuned: Tuned, study: optuna.Study) -> dict[str, dict[str, float]]:
     """Return each parameter's weight for each objective, between 0 and 1.
 
-    By PED-ANOVA: how much a parameter decides whether a trial is among the better
-    tenth. Empty for few trials, or one parameter.
+    PED-ANOVA tells how much a parameter decides whether a trial is among the best
+    tenth. Empty for few trials, or for one parameter.
     """
     few = len(tuned.candidates) < LEAST_FOR_IMPORTANCE
     if few or len(tuned.spec.parameters) < 2:
@@ -150,8 +150,8 @@ def as_dict(
     """Return the outcome as built-in types: the content of tune.json.
 
     Args:
-        tuned: what came out.
-        weights: importance of the parameters, if it was asked for.
+        tuned: outcome of the search.
+        weights: importance of the parameters, if it was computed.
     """
     return {
         "scenarios": tuned.spec.scenarios,
@@ -183,7 +183,7 @@ def _candidate(candidate: Candidate) -> dict[str, Any]:
 
 
 def _settings(tuned: Tuned, candidate: Candidate) -> bytes:
-    """What ``--settings`` reads: all that is not the default, and why."""
+    """A file for ``--settings``: all values that are not defaults, with a comment."""
     spec = tuned.spec
     tuning = overrides_of(spec.parameters, candidate.values, start=spec.settings)
     settings = resolve_settings(None, overrides=[*spec.base, *tuning])
@@ -205,7 +205,7 @@ def _settings(tuned: Tuned, candidate: Candidate) -> bytes:
 
 
 def _one(value: Any) -> Any:
-    """A single number stands for all axes."""
+    """Reduce equal numbers of all axes to a single one."""
     alike = isinstance(value, (list, tuple)) and len(set(value)) == 1
     return value[0] if alike else value
 

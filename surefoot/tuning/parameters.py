@@ -1,4 +1,4 @@
-"""What a search may change: settings, within the ranges that they allow."""
+"""Parameters of a search: settings, within the ranges that they allow."""
 
 from __future__ import annotations
 
@@ -21,40 +21,40 @@ if TYPE_CHECKING:
     import optuna
 
 AXES = ("x", "y", "z", "roll", "pitch", "yaw")
-"""Of a setting with several numbers, as many as it has."""
+"""Names of the numbers of a setting with several: the first ones, as many as it has."""
 FACTOR = 4.0
-"""Without a range, a setting that knows no limit varies by this to both sides."""
+"""Factor by which a setting without range or limit varies to both sides."""
 LOG_RATIO = 10.0
-"""A range of positive numbers that spans this much is searched by its logarithm."""
+"""Ratio of a positive range's ends from which it is searched by its logarithm."""
 MOST_CHOICES = 1000
-"""Of a range of whole numbers, each of which is a choice."""
+"""Largest number of choices in a range of whole numbers."""
 DIGITS = 4
-"""Significant digits of a value that was found."""
+"""Significant digits of the values found."""
 
 Value = int | float | str | bool
 
 
 class Parameter(msgspec.Struct, frozen=True, kw_only=True):
-    """A setting, or one axis of it, and where it is searched."""
+    """A setting, or one axis of it, and its range or choices."""
 
     setting: str
-    """As ``section.name``."""
+    """Setting as ``section.name``."""
     axis: int | None = None
-    """Which number of several; None for all alike."""
+    """Index of one of several numbers; None: the same value for all."""
     low: float = 0.0
     """Lower end of the range."""
     high: float = 0.0
     """Upper end of the range."""
     choices: list[Value] = []
-    """Instead of a range."""
+    """Choices instead of a range."""
     unit: str = ""
-    """Of its numbers, from its description."""
+    """Unit of its numbers, from the setting's description."""
     about: str = ""
-    """What it is, from its description."""
+    """The setting's description."""
 
     @property
     def name(self) -> str:
-        """As it is given: ``dik.k_force.z``."""
+        """Its name, as the user gives it: ``dik.k_force.z``."""
         return (
             self.setting if self.axis is None else f"{self.setting}.{AXES[self.axis]}"
         )
@@ -65,7 +65,7 @@ class Parameter(msgspec.Struct, frozen=True, kw_only=True):
         return self.low > 0.0 and self.high >= LOG_RATIO * self.low
 
     def suggest(self, trial: optuna.Trial) -> Value:
-        """Let a trial choose a value."""
+        """Return the value that a trial proposes."""
         if self.choices:
             chosen = trial.suggest_categorical(self.name, self.choices)
             return cast(Value, chosen)
@@ -76,7 +76,7 @@ class Parameter(msgspec.Struct, frozen=True, kw_only=True):
         """Return its value in some settings.
 
         Raises:
-            UsageError: several numbers that differ, and no axis is named.
+            UsageError: its numbers differ, and no axis is named.
         """
         value = setting_of(settings, self.setting)
         if not isinstance(value, tuple):
@@ -91,10 +91,10 @@ class Parameter(msgspec.Struct, frozen=True, kw_only=True):
         return float(value[0])
 
     def check_start(self, settings: ControllerSettings) -> None:
-        """See that the search can begin with these settings.
+        """Check that the search can begin with these settings.
 
         Raises:
-            UsageError: its value there is out of the range to be searched.
+            UsageError: their value is out of the parameter's range.
         """
         value = self.present(settings)
         inside = (
@@ -122,9 +122,9 @@ def parse_parameter(text: str, *, start: ControllerSettings) -> Parameter:
 
     Args:
         text: the setting may name one axis of several: ``dik.k_force.z``. Without a
-            range it is searched as far as it allows, else up to a factor of 4 to both
-            sides of where it begins.
-        start: where the search begins.
+            range the setting's own limits count, or a factor of 4 to both sides of its
+            start if it has none.
+        start: settings at the start of the search.
 
     Raises:
         UsageError: no such setting, or a range that it does not allow.
@@ -178,9 +178,9 @@ def overrides_of(
     """Return values as texts ``section.name=value`` over the settings at the start.
 
     Args:
-        parameters: what is searched.
+        parameters: the searched parameters.
         values: by the name of the parameter.
-        start: gives the axes that are not searched.
+        start: settings at the start; they give the axes that are not searched.
     """
     table: dict[str, Any] = {}
     for parameter in parameters:
@@ -193,15 +193,15 @@ def overrides_of(
 
 
 def rounded(value: Value) -> Value:
-    """Return a value as it is used: numbers with as many digits as anybody reads."""
+    """Return a value as it is used: numbers rounded to ``DIGITS`` digits."""
     return float(f"{value:.{DIGITS}g}") if isinstance(value, float) else value
 
 
 def unit_of(setting: str) -> str:
-    """Return a setting's unit, as its description ends with: ``[1/s^2]``, or its name.
+    """Return a setting's unit: from its description, ``[1/s^2]``, or its name's suffix.
 
     Returns:
-        Empty for one without, and for a plain number.
+        Empty for a setting without a unit, and for a plain number.
     """
     section, key = setting.split(".")
     text = _docs(section).get(key, "")
@@ -213,7 +213,7 @@ def unit_of(setting: str) -> str:
 
 
 def _split(name: str) -> tuple[str, int | None]:
-    """Take the axis off a name."""
+    """Split a name into setting and axis."""
     known = setting_names()
     head, _, tail = name.rpartition(".")
     if name in known:
@@ -290,7 +290,7 @@ def _range(values: str, text: str) -> tuple[float, float]:
 def _own_range(
     plain: Parameter, number: inspect.FloatType, start: ControllerSettings
 ) -> tuple[float, float]:
-    """As far as the setting allows, else by a factor to both sides."""
+    """The setting's own limits, or a factor to both sides if it has none."""
     begins = float(plain.present(start))
     ends = sorted((begins / FACTOR, begins * FACTOR))
     low = number.ge if number.ge is not None else ends[0]

@@ -1,14 +1,13 @@
 """The journal of a search, and a worker: ``python -m surefoot.tuning.trials JOURNAL``.
 
 Several processes take trials from the journal, one each, and finish them. Every process
-may be killed at any moment. What it wrote whole stands; half a line is taken off by the
-next who writes. A trial that its worker did not finish is begun anew with the same
-values: a worker holds a lock on a file of its own for as long as it lives, which the
-system lets go of with the process. Trials are places, numbered from 0 on, of which each
-is finished once.
+may be killed at any moment: complete lines stay, and the next writer removes an
+incomplete one. An unfinished trial of a killed worker is begun anew with the same
+values. To show that it lives, a worker holds a lock on its own file; the system frees
+the lock with the process. Trials are places, numbered from 0 on; each is finished once.
 
-A worker takes trials until there are none. Whoever started it learns from its standard
-output, one line a trial, how many it has finished.
+A worker takes trials until there are none. It writes a line to its standard output for
+each trial that it has finished.
 """
 
 from __future__ import annotations
@@ -52,25 +51,25 @@ from surefoot.tuning.objectives import (
 STUDY = "surefoot-tune"
 SPEC, PLACE, WORKER = "spec", "place", "worker"
 MOST_LOSSES = 3
-"""Times a trial is begun anew; then its place gets other values: they may be what
+"""Number of lost trials after which a place gets other values: the values may be what
 ends the process."""
 _TAIL_BYTES = 4096
 ROWS, STOPPED, DOWN = "rows", "stopped", "down"
-"""What a trial keeps: its runs, why it has not all of them, and its constraint."""
+"""Attributes of a trial: its runs, why some are missing, and its constraint."""
 REFUSED = 2.0
-"""Of the constraint, for values that contradict each other: worse than any fall."""
+"""Constraint of values that contradict each other: worse than that of any fall."""
 
 
 class JournalLock:
-    """Lock of the journal that a killed process cannot leave behind."""
+    """Lock of the journal; it ends with its process, even if that is killed."""
 
     def __init__(self, path: Path) -> None:
-        """Say which file; it is made by the storage."""
+        """Name the file; the storage makes it."""
         self._path = path
         self._file = -1
 
     def acquire(self) -> bool:
-        """Wait for the lock; then take off half a line that somebody left."""
+        """Wait for the lock; then remove an incomplete last line."""
         self._file = os.open(self._path, os.O_RDWR)
         fcntl.flock(self._file, fcntl.LOCK_EX)
         end = whole = os.fstat(self._file).st_size
@@ -83,12 +82,12 @@ class JournalLock:
         return True
 
     def release(self) -> None:
-        """Let go of it."""
+        """Free the lock."""
         os.close(self._file)
 
 
 def workers_folder(journal: Path) -> Path:
-    """Return the folder of its workers' locks, beside a journal."""
+    """Return the folder of the workers' locks, beside a journal."""
     return journal.with_name(f"{journal.name}.workers")
 
 
@@ -96,20 +95,20 @@ class Trials:
     """A search's trials on disk.
 
     Attributes:
-        spec: what is searched, and how.
-        study: Optuna's view of them.
+        spec: specification of the search.
+        study: Optuna's view of the trials.
     """
 
     def __init__(self, path: Path, spec: Spec | None = None) -> None:
         """Open a journal, or begin one.
 
         Args:
-            path: of the journal; others of the search may have it open.
-            spec: what is to be searched; None for what the journal says.
+            path: path of the journal; other processes of the search may have it open.
+            spec: specification of the search; None: the journal's.
 
         Raises:
-            UsageError: it is no journal, or that of another search.
-            EnvironmentFailedError: it cannot be read or written.
+            UsageError: the file is not a journal, or that of another search.
+            EnvironmentFailedError: the file cannot be read or written.
         """
         self._folder = workers_folder(path)
         if spec is None and not path.is_file():
@@ -131,7 +130,7 @@ class Trials:
 
     @contextmanager
     def worker(self) -> Iterator[str]:
-        """Be one of the workers; yields its name, which begins with the process id."""
+        """Register as a worker; yield its name, which begins with the process id."""
         name = f"{os.getpid()}-{uuid.uuid4().hex[:8]}"
         file = self._folder / name
         with ExitStack() as stack:
@@ -141,15 +140,15 @@ class Trials:
             file.unlink()
 
     def claim(self, worker: str, *, count: int) -> tuple[Trial, dict[str, Any]] | None:
-        """Take the first place that nobody has.
+        """Take the first free place.
 
         Args:
-            worker: who takes it.
-            count: how many places there are.
+            worker: name of the worker that takes it.
+            count: number of places.
 
         Returns:
-            The trial, and its values by the names of the parameters. None when all are
-            taken.
+            The trial, and its values by the parameters' names. None if no place is
+            free.
         """
         with _held(self._folder):
             self._end_lost()
@@ -164,8 +163,8 @@ class Trials:
                 if place is None:
                     return None
                 self._enqueue(place)
-            # Each trial has a random generator of its own, so that a search gone on
-            # with, or by several workers, draws nothing twice.
+            # Each trial has its own random generator: a resumed search, or one with
+            # several workers, draws nothing twice.
             self.study.sampler = self.spec.make_sampler(len(trials))
             trial = self.study.ask()
             trial.set_user_attr(WORKER, worker)
@@ -177,12 +176,12 @@ class Trials:
         return sorted(done, key=lambda t: int(t.user_attrs[PLACE]))
 
     def missing(self, count: int) -> list[int]:
-        """Return the places that are not finished, of so many."""
+        """Return the unfinished places among the first ``count``."""
         done = {int(trial.user_attrs[PLACE]) for trial in self.finished()}
         return [place for place in range(count) if place not in done]
 
     def wait_for_others(self, count: int) -> None:
-        """Wait until the workers that have one of so many places have ended."""
+        """Wait for the end of the workers that hold any of the ``count`` places."""
         missing = self.missing(count)
         names = {
             str(trial.user_attrs.get(WORKER, ""))
@@ -191,7 +190,7 @@ class Trials:
         }
         for name in names - {""}:
             file = self._folder / name
-            if file.is_file():  # else it has ended; nobody minds one made anew
+            if file.is_file():  # else it has ended; a new file would do no harm
                 with _held(file):
                     pass
 
@@ -199,12 +198,12 @@ class Trials:
         return self.study.get_trials(deepcopy=False)
 
     def _end_lost(self) -> None:
-        """End trials of workers that are gone; their places are free again."""
+        """Fail the trials of workers that are gone: this frees their places."""
         for file in self._folder.iterdir():
             with suppress(BlockingIOError), _held(file, wait=False):
                 file.unlink()
         for trial in self._all():
-            # One without a worker was taken by a process killed before it could say so.
+            # Without a name: its process was killed before it could write it.
             name = trial.user_attrs.get(WORKER, "nobody")
             if (
                 trial.state is TrialState.RUNNING
@@ -250,10 +249,10 @@ def _open(path: Path, spec: Spec | None) -> optuna.Study:
 
 
 def _check_journal(path: Path) -> None:
-    """Look at the first line, since opening another file would write into it.
+    """Check the first line: opening a file of another kind would write into it.
 
     Raises:
-        ValueError: it is not the one that begins a search.
+        ValueError: the line is not the first one of a journal.
     """
     if not path.exists():
         return
@@ -266,17 +265,17 @@ def _check_journal(path: Path) -> None:
 
 
 class _Head(msgspec.Struct):
-    """What the first line of a journal says."""
+    """Content of the first line of a journal."""
 
     study_name: str
 
 
 @contextmanager
 def _held(path: Path, *, wait: bool = True) -> Iterator[None]:
-    """Hold the lock on a file or folder, which ends with this process at the latest.
+    """Hold the lock on a file or folder; it ends with this process at the latest.
 
     Raises:
-        BlockingIOError: somebody else holds it, and there is no wait.
+        BlockingIOError: another process holds it, and ``wait`` is False.
     """
     flags = os.O_RDONLY if path.is_dir() else os.O_RDWR | os.O_CREAT
     file = os.open(path, flags)
@@ -294,13 +293,13 @@ def work(
     scheduler: str | None,
     on_trial: Callable[[], None],
 ) -> None:
-    """Do trials until there are none.
+    """Do trials until no place is free.
 
     Args:
-        trials: of the search.
-        count: how many there are to be, with those of others.
-        scheduler: of the Dask cluster that runs them; None to run them here.
-        on_trial: called after each.
+        trials: trials of the search.
+        count: number of trials of all workers together.
+        scheduler: address of the Dask cluster that does the runs; None to do them here.
+        on_trial: called after each trial.
     """
     finished: list[list[Row]] = []
     with trials.worker() as name:
@@ -314,12 +313,12 @@ def work(
             ]
             rows, why, down = evaluate(trials, values, finished, scheduler=scheduler)
             figures = trials.spec.figures
-            trials.spec.check_unchanged()  # each run reads its scenario anew
+            trials.spec.check_unchanged()  # each run reads its scenario again
             trial.set_user_attr(ROWS, rows)
             trial.set_user_attr(STOPPED, why)
             trial.set_constraint(DOWN, down)
             means = mean_figures(rows, figures) if rows else [BEYOND] * len(figures)
-            # From this one line on the trial is finished, whatever happens.
+            # Once this line is written the trial is finished, whatever happens.
             trials.study.tell(trial, means)
             on_trial()
 
@@ -331,17 +330,17 @@ def evaluate(
     *,
     scheduler: str | None,
 ) -> tuple[list[Row], str, float]:
-    """Run a trial, seed by seed, as long as it is worth it.
+    """Run a trial seed by seed, until one run fails or the trial is clearly worse.
 
     Args:
-        trials: of the search.
-        values: of this trial.
-        finished: runs of the trials that were run to the end and stood.
+        trials: trials of the search.
+        values: values of this trial.
+        finished: runs of each trial that was run to the end and stood.
         scheduler: see :func:`work`.
 
     Returns:
-        Its runs; why they are not all, empty when they are; and by how much it breaks
-        the constraint: the share of runs that it did not stand, up to 1.
+        Its runs; why some are missing, or ""; and its constraint: 0 if none fell, the
+        share of runs from the first fall on, or ``REFUSED`` for contradicting values.
     """
     spec = trials.spec
     rounds = spec.rounds()
@@ -365,7 +364,7 @@ def evaluate(
 
 
 def _in_order(tasks: list[Task], *, scheduler: str | None) -> Iterable[Row]:
-    """Rows in the order of their tasks; here each is run when it is asked for."""
+    """Rows in the order of their tasks; without a scheduler each is run on demand."""
     if scheduler is None:
         return map(Task.run, tasks)
     order = {task.cell.key: index for index, task in enumerate(tasks)}
@@ -374,7 +373,7 @@ def _in_order(tasks: list[Task], *, scheduler: str | None) -> Iterable[Row]:
 
 
 def main() -> int:
-    """Work on a journal until nothing is left to be done."""
+    """Work on a journal until nothing is left to do."""
     parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
     parser.add_argument("journal", type=Path)
     parser.add_argument("--trials", type=int, required=True)

@@ -1,4 +1,7 @@
-"""A search as one call: parameters, scenarios, trials; and its outcome in a folder."""
+"""A search of settings as one call, with its outcome in a folder.
+
+``surefoot tune`` and notebooks use it.
+"""
 
 from __future__ import annotations
 
@@ -65,27 +68,27 @@ def tune(
     scheduler: str | None = None,
     bar: CountBar = no_bar,
 ) -> Tuned:
-    """Search settings that keep the robot up and make figures of its runs small.
+    """Search settings that keep the robot up and minimise figures of its runs.
 
-    Workers are processes of their own that take trials from one journal. Any of them,
-    and this process, may be killed: called again, the search goes on. Called twice at
-    once, with the same arguments, both work on it.
+    Workers are separate processes that take trials from one journal. Workers and this
+    process may be killed: another call resumes the search. Two calls at the same time
+    with the same arguments share the work.
 
     Args:
-        scenarios: shipped names or paths; trials are run on them.
-        params: what to search; see :data:`Params`.
-        trials: how many, those of former calls included.
+        scenarios: shipped names or paths of the scenarios of all trials.
+        params: parameters to search; see :data:`Params`.
+        trials: number of trials, including those of former calls.
         workers: processes; 0 for one per processor.
         storage: the journal; ``trials.journal`` in ``out`` when None.
-        out: folder of settings, page and figures.
+        out: folder for settings, page and figures.
         objectives: of ``com``, ``com-max``, ``force``, ``peak``, ``tilt``, ``effort``,
             ``score``, ``margin``.
-        seeds: of the sensor noise: how many, from 0 on, or which.
-        held_out: scenarios that only start and choice are run on, in the end; those
-            of the search with other seeds when there are none.
-        held_out_seeds: their seeds; as many as ``seeds``, from the next on, when None.
+        seeds: number of seeds of the sensor noise, from 0 on, or a list of seeds.
+        held_out: scenarios only for start and chosen trial, run at the end; those of
+            the search with other seeds if none is given.
+        held_out_seeds: their seeds; None: as many as ``seeds``, the next ones.
         controller: name or variant, as for :func:`surefoot.study`.
-        settings: where the search begins; the controller's own when None.
+        settings: settings at the start; the controller's own when None.
         overrides: further settings as texts ``section.name=value``.
         robot: shipped name or path of a robot file.
         servo_profile: of the robot file; its own choice when None.
@@ -95,10 +98,10 @@ def tune(
         bar: shows how many trials are done.
 
     Raises:
-        TuneInterrupted: Ctrl-C; the folder holds what there is, and so does the error.
-        UsageError: a name, a range or a folder that cannot be used.
+        TuneInterrupted: Ctrl-C; folder and error hold the outcome so far.
+        UsageError: a name, a range or a folder cannot be used.
         FileFormatError: a file or a setting is malformed.
-        ChildFailedError: a worker failed, not by being killed.
+        ChildFailedError: a worker failed; killed workers do not count.
     """
     folder = Path(out)
     journal = folder / JOURNAL if storage is None else Path(storage)
@@ -170,11 +173,11 @@ def run_workers(
     scheduler: str | None,
     bar: CountBar,
 ) -> None:
-    """Keep workers at a journal until it has nothing to do; a killed one is replaced.
+    """Run workers until the journal is done; replace killed ones.
 
     Raises:
-        ChildFailedError: one failed; the others are ended, their trials begin anew
-            with the next call.
+        ChildFailedError: one failed; the others are ended, and the next call begins
+            their trials anew.
     """
     events: SimpleQueue[Event] = SimpleQueue()
     missing = len(trials.missing(total))
@@ -233,7 +236,7 @@ def _held_out_runs(
     scheduler: str | None,
     bar: CountBar,
 ) -> tuple[list[Row], list[Row]]:
-    """Run the start and the choice on what the search has not seen."""
+    """Run start and chosen trial on the held-out cases."""
     spec = best.spec
     sides = [best.start.values, best.chosen.values]
     tasks = [spec.task(cell, values) for values in sides for cell in cells]
@@ -253,7 +256,7 @@ def _held_out_runs(
 def _conclude(
     trials: Trials, before: Sequence[Row] = (), after: Sequence[Row] = ()
 ) -> Tuned | None:
-    """Sum up the finished trials; None as long as the start is not among them."""
+    """Summarise the finished trials; None while the start is not among them."""
     spec = trials.spec
     found = [
         Candidate(
@@ -288,7 +291,7 @@ def _conclude(
 
 
 def _claim(folder: Path, journal: Path) -> None:
-    """See that the folder is new, or that of a former search."""
+    """Check that the folder is new, or that of a former search."""
     is_journal_in_it = journal.parent == folder and journal.is_file()
     known = (folder / OUTCOME).is_file() or is_journal_in_it
     if folder.is_dir() and any(folder.iterdir()) and not known:
