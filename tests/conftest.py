@@ -16,7 +16,7 @@ from surefoot.cli import console
 from surefoot.cli.__main__ import main
 from surefoot.robot_io.bus.bus import loopback_endpoints
 from surefoot.robot_io.robot import ROBOTS_DIR
-from surefoot.schemas.endpoints import Endpoints
+from surefoot.schemas.endpoints import Endpoints, write_endpoints
 from tests.command import PLAIN, Surefoot, run_surefoot, scenario_file
 from tests.one_name import modules_with_two_names
 from tests.patient_robot import patient_robot_file
@@ -29,7 +29,9 @@ OF_PROCESSES = (
     *("surefoot/test_library.py", "surefoot/test_out_folder.py"),
 )
 """Folders and files whose tests start processes."""
-FIXTURES_OF_PROCESSES = {"endpoints", "surefoot", "authority", "meeting"}
+FIXTURES_OF_PROCESSES = {
+    *("endpoints", "endpoint_file", "surefoot", "authority", "meeting"),
+}
 """What these give is used to talk over a bus, or starts a process."""
 
 
@@ -37,6 +39,18 @@ FIXTURES_OF_PROCESSES = {"endpoints", "surefoot", "authority", "meeting"}
 def endpoints() -> Endpoints:
     """Both ends of a bus on this host, apart from every other test's."""
     return loopback_endpoints()
+
+
+@pytest.fixture
+def endpoint_file(tmp_path: Path, endpoints: Endpoints) -> Path:
+    """The same for commands.
+
+    With ``--listen`` and ``--connect`` alone, two of them part after half a second of
+    silence. A busy machine may keep one waiting for that long.
+    """
+    path = tmp_path / "endpoints.toml"
+    write_endpoints(path, endpoints)
+    return path
 
 
 @pytest.fixture

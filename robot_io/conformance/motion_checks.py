@@ -14,7 +14,10 @@ from surefoot.schemas.sensors import ankle_sensor
 MOST_RAD = 1e-3
 NUDGE_RAD = 0.7e-3
 """Most that any joint may move in the run, and the step asked of each [rad]."""
-RAMP_S, STAY_S = 0.03, 0.06
+RAMP_S = 0.03
+STAYS_S = (0.06, 0.3, 0.9)
+"""How long a joint is looked for; the later ones where nothing was seen. A command may
+be on its way for long, but a joint in another's place follows at no time."""
 OTHERS_SHARE = 0.5
 LOOK_S = 0.03
 SEEN_SHARE = 0.3
@@ -37,9 +40,12 @@ def check_joint_order(probe: Probe, findings: Findings) -> None:
     names = probe.robot.joint_names
     wrong = []
     for index in range(probe.robot.n_a):
-        moved = _nudge(probe, index)
-        least = max(SEEN_SHARE * NUDGE_RAD, OTHERS_SHARE * np.abs(moved).max())
-        if moved[index] < least:
+        for stay_s in STAYS_S:
+            moved = _nudge(probe, index, stay_s)
+            least = max(SEEN_SHARE * NUDGE_RAD, OTHERS_SHARE * np.abs(moved).max())
+            if follows := moved[index] >= least:
+                break
+        if not follows:
             other = int(np.abs(moved).argmax())
             wrong.append(
                 f"{names[index]} follows by {moved[index] * 1e3:.2f} mrad, "
@@ -109,12 +115,14 @@ def _of_size(rates: Array) -> Array:
     return np.where(np.abs(rates) > 0.3 * np.abs(rates).max(), rates, 0.0)
 
 
-def _nudge(probe: Probe, index: int) -> Array:
+def _nudge(probe: Probe, index: int, stay_s: float) -> Array:
     """Nudge one joint to and fro; return all set-points' changes, (n_a,) [rad]."""
     step = np.zeros(probe.robot.n_a)
     step[index] = NUDGE_RAD
+    if stay_s > STAYS_S[0]:
+        probe.stream(stay_s)  # what was asked before may still be on its way
     before = _set_points(probe, probe.stream(LOOK_S))
-    probe.stream(RAMP_S + STAY_S, offset=_ramp(step, RAMP_S))
+    probe.stream(RAMP_S + stay_s, offset=_ramp(step, RAMP_S))
     after = _set_points(probe, probe.stream(LOOK_S, offset=lambda t: step))
     probe.stream(RAMP_S, offset=lambda t: step - _ramp(step, RAMP_S)(t))
     followed: Array = after - before

@@ -9,7 +9,7 @@ import pytest
 
 from tests.cli.conftest import Start
 from tests.command import Surefoot
-from tests.support import PATIENCE_S, free_port
+from tests.support import PATIENCE_S
 
 FELL = 5
 
@@ -43,12 +43,17 @@ def test_a_run_in_which_the_robot_falls(
     ("tilt_limit_rad", "reason"), [(3.0, "fell: at "), (0.3, "fell: leans by")]
 )
 def test_a_stabilizer_whose_robot_falls(
-    start: Start, huge_push: Path, tmp_path: Path, tilt_limit_rad: float, reason: str
+    start: Start,
+    huge_push: Path,
+    endpoint_file: Path,
+    tmp_path: Path,
+    tilt_limit_rad: float,
+    reason: str,
 ) -> None:
-    locator = f"tcp/127.0.0.1:{free_port()}"
-    robot = start("robot", huge_push, "--listen", locator)
+    meet = ("--endpoints", endpoint_file)
+    robot = start("robot", huge_push, *meet)
     stabilizer = start(
-        *("stabilizer", "--connect", locator),
+        *("stabilizer", *meet),
         *("--set", f"safety.tilt_limit_rad={tilt_limit_rad}"),
     )
     assert reason in stabilizer.communicate(timeout=PATIENCE_S)[0]

@@ -21,7 +21,7 @@ from surefoot.schemas.messages import JointState
 from surefoot.schemas.topics import TICK_SENSORS
 from tests.cli.conftest import Start
 from tests.command import Surefoot, command, environment
-from tests.support import PATIENCE_S, free_port, wait_until
+from tests.support import PATIENCE_S, wait_until
 from tests.surefoot.playback.conftest import standing
 from tests.surefoot.recording.mcap_reading import (
     attached,
@@ -90,16 +90,16 @@ def test_a_record_tells_all_a_run_depends_on(
 
 
 def test_recording_apart_with_the_bytes_of_the_bus(
-    start: Start, short_scenario: Path, tmp_path: Path
+    start: Start, short_scenario: Path, endpoint_file: Path, tmp_path: Path
 ) -> None:
-    locator = f"tcp/127.0.0.1:{free_port()}"
+    meet = ("--endpoints", endpoint_file)
     out = tmp_path / "raw.mcap"
     partial = out.with_name("raw.mcap.partial")
-    start("robot", short_scenario, "--listen", locator)
-    words = ("--raw", "--json", "--connect", locator)
+    start("robot", short_scenario, *meet)
+    words = ("--raw", "--json", *meet)
     recorder = start("record", "--out", out, *words)
     wait_until(partial.exists, what="the recorder to connect")
-    stabilizer = start("stabilizer", "--controller", "hold", "--connect", locator)
+    stabilizer = start("stabilizer", "--controller", "hold", *meet)
     stdout, _ = recorder.communicate(timeout=PATIENCE_S)
     assert (stabilizer.wait(PATIENCE_S), recorder.returncode) == (0, 0)
     assert not partial.exists()
@@ -111,12 +111,12 @@ def test_recording_apart_with_the_bytes_of_the_bus(
 
 
 def test_ctrl_c_leaves_a_whole_file(
-    start: Start, short_scenario: Path, tmp_path: Path
+    start: Start, short_scenario: Path, endpoint_file: Path, tmp_path: Path
 ) -> None:
-    locator = f"tcp/127.0.0.1:{free_port()}"
+    meet = ("--endpoints", endpoint_file)
     out, log = tmp_path / "part.mcap", tmp_path / "record.log"
-    start("robot", short_scenario, "--listen", locator)
-    recorder = start("record", "--out", out, "--connect", locator)
+    start("robot", short_scenario, *meet)
+    recorder = start("record", "--out", out, *meet)
     # Said once the first status is there: from then on nothing is missed.
     wait_until(lambda: "ready" in log.read_text(), what="the recorder")
     recorder.send_signal(signal.SIGINT)
@@ -127,13 +127,13 @@ def test_ctrl_c_leaves_a_whole_file(
 
 
 def test_a_full_disk_ends_the_recording_with_one_message(
-    start: Start, tmp_path: Path
+    start: Start, endpoint_file: Path, tmp_path: Path
 ) -> None:
     """The kernel's limit on file size stands in for a disk: the same write fails."""
-    locator = f"tcp/127.0.0.1:{free_port()}"
+    meet = ("--endpoints", endpoint_file)
     out = tmp_path / "full.mcap"
-    robot = start("robot", standing(tmp_path, 3.0), "--listen", locator, "--json")
-    words = " ".join(command("record", "--out", out, "--connect", locator))
+    robot = start("robot", standing(tmp_path, 3.0), *meet, "--json")
+    words = " ".join(command("record", "--out", out, *meet))
     # Ignored, the signal of the limit becomes an error of the write.
     with subprocess.Popen(
         ["bash", "-c", f"trap '' XFSZ; ulimit -f 600; exec {words}"],
@@ -144,7 +144,7 @@ def test_a_full_disk_ends_the_recording_with_one_message(
     ) as recorder:
         partial = out.with_name("full.mcap.partial")
         wait_until(partial.exists, what="the recorder to connect")
-        stabilizer = start("stabilizer", "--controller", "hold", "--connect", locator)
+        stabilizer = start("stabilizer", "--controller", "hold", *meet)
         _, stderr = recorder.communicate(timeout=PATIENCE_S)
     told, _ = robot.communicate(timeout=PATIENCE_S)
     assert recorder.returncode == 3, stderr

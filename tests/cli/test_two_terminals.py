@@ -21,14 +21,15 @@ from tests.support import PATIENCE_S, free_port, wait_until
 @pytest.mark.usual("--realtime")
 @pytest.mark.parametrize("pace", ["--lockstep", "--realtime"])
 def test_both_sides_tell_their_part(
-    start: Start, short_scenario: Path, patient_walker: Path, pace: str
+    start: Start,
+    short_scenario: Path,
+    patient_walker: Path,
+    endpoint_file: Path,
+    pace: str,
 ) -> None:
-    locator = f"tcp/127.0.0.1:{free_port()}"
-    words = [pace, "--json", "--robot", patient_walker]
-    robot = start("robot", short_scenario, "--listen", locator, *words)
-    stabilizer = start(
-        "stabilizer", "--controller", "hold", "--connect", locator, *words
-    )
+    words = [pace, "--json", "--robot", patient_walker, "--endpoints", endpoint_file]
+    robot = start("robot", short_scenario, *words)
+    stabilizer = start("stabilizer", "--controller", "hold", *words)
     plant = msgspec.json.decode(
         robot.communicate(timeout=PATIENCE_S)[0], type=PlantResult
     )
@@ -61,13 +62,13 @@ def test_a_run_hands_its_priority_to_both_sides_and_the_next_to_its_recorder(
 
 
 def test_a_stabilizer_in_its_own_terminal_tells_of_a_lost_sensor(
-    start: Start, tmp_path: Path
+    start: Start, endpoint_file: Path, tmp_path: Path
 ) -> None:
-    locator = f"tcp/127.0.0.1:{free_port()}"
+    meet = ("--endpoints", endpoint_file)
     fault = 'sensor = "left_ankle_ft"\nkind = "drop"\nstart_s = 0.1\nduration_s = 1\n'
     scenario = scenario_file(tmp_path, 0.3, more=f"[[fault]]\n{fault}")
-    robot = start("robot", scenario, "--listen", locator)
-    stabilizer = start("stabilizer", "--connect", locator)
+    robot = start("robot", scenario, *meet)
+    stabilizer = start("stabilizer", *meet)
     table = stabilizer.communicate(timeout=PATIENCE_S)[0]
     robot.communicate(timeout=PATIENCE_S)
     log = (tmp_path / "stabilizer.log").read_text()
@@ -76,13 +77,11 @@ def test_a_stabilizer_in_its_own_terminal_tells_of_a_lost_sensor(
 
 
 def test_endpoints_come_from_a_file(
-    start: Start, short_scenario: Path, tmp_path: Path
+    start: Start, short_scenario: Path, endpoint_file: Path
 ) -> None:
-    locator = f"tcp/127.0.0.1:{free_port()}"
-    endpoints = tmp_path / "endpoints.toml"
-    endpoints.write_text(f'listen = ["{locator}"]\nconnect = ["{locator}"]\n')
-    robot = start("robot", short_scenario, "--endpoints", endpoints)
-    stabilizer = start("stabilizer", "--controller", "hold", "--endpoints", endpoints)
+    meet = ("--endpoints", endpoint_file)
+    robot = start("robot", short_scenario, *meet)
+    stabilizer = start("stabilizer", "--controller", "hold", *meet)
     assert "stood 0.3 s" in robot.communicate(timeout=PATIENCE_S)[0]
     assert "run over" in stabilizer.communicate(timeout=PATIENCE_S)[0]
     assert (robot.returncode, stabilizer.returncode) == (0, 0)

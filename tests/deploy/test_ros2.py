@@ -89,13 +89,6 @@ def program(name: str, *words: object) -> list[object]:
     return [ros2_python(), DRIVER / f"ros2_{name}.py", *words]
 
 
-@pytest.fixture
-def endpoint_file(tmp_path: Path, endpoints: Endpoints) -> Path:
-    path = tmp_path / "endpoints.toml"
-    path.write_text(f"listen = {endpoints.listen}\nconnect = {endpoints.connect}\n")
-    return path
-
-
 def slow_rate(robot: Path, rate_hz: float) -> Path:
     """The same robot with fewer ticks: what a busy machine can still do."""
     path = robot.with_name("slow.toml")

@@ -25,7 +25,7 @@ from tests.patient_robot import JUDGED, patient_robot_file
 from tests.robot_io.client_at_work import WALKER, new_client, status_when
 from tests.robot_io.conformance.verdict import check_passes_but_for_time
 from tests.robot_io.sensor_messages import snapshot_at
-from tests.support import PATIENCE_S, free_port
+from tests.support import PATIENCE_S
 
 DRIVER = REPOSITORY / "deploy" / "driver" / "acme_driver.py"
 MOST_LINES = 100
@@ -106,15 +106,14 @@ def test_hardware_that_fails_is_held_and_its_commander_told_why(
 
 
 @pytest.mark.process
-def test_the_example_driver_passes(surefoot_here: Surefoot, tmp_path: Path) -> None:
-    locator = f"tcp/127.0.0.1:{free_port()}"
-    file = tmp_path / "endpoints.toml"
-    file.write_text(f'listen = ["{locator}"]\nconnect = ["{locator}"]\n')
+def test_the_example_driver_passes(
+    surefoot_here: Surefoot, endpoint_file: Path, tmp_path: Path
+) -> None:
     robot = patient_robot_file(tmp_path, **JUDGED)
-    words = [sys.executable, DRIVER, file, robot]
+    words = [sys.executable, DRIVER, endpoint_file, robot]
     driver = subprocess.Popen(words, env=environment())
     try:
-        words = ["--endpoints", file, "--robot", robot, "--wait", PATIENCE_S]
+        words = ["--endpoints", endpoint_file, "--robot", robot, "--wait", PATIENCE_S]
         done = surefoot_here("check-robot", *words, "--json")
         check_passes_but_for_time(done)
         driver.send_signal(signal.SIGTERM)

@@ -18,7 +18,7 @@ from surefoot.schemas.errors import FileFormatError
 from tests.command import REPOSITORY, Surefoot, environment
 from tests.hanging_driver import OFFSET
 from tests.patient_robot import JUDGED, patient_robot_file
-from tests.support import PATIENCE_S, free_port
+from tests.support import PATIENCE_S
 
 pytestmark = pytest.mark.process
 
@@ -40,15 +40,12 @@ def hanging(endpoints: Path, robot: Path) -> Iterator[None]:
 
 
 def test_what_is_measured_is_taken_off_from_then_on(
-    surefoot_here: Surefoot, tmp_path: Path
+    surefoot_here: Surefoot, endpoint_file: Path, tmp_path: Path
 ) -> None:
-    locator = f"tcp/127.0.0.1:{free_port()}"
-    endpoints = tmp_path / "endpoints.toml"
-    endpoints.write_text(f'listen = ["{locator}"]\nconnect = ["{locator}"]\n')
     robot = patient_robot_file(tmp_path, **JUDGED)
-    words = ["tare", "--endpoints", endpoints, "--robot", robot, "--json"]
+    words = ["tare", "--endpoints", endpoint_file, "--robot", robot, "--json"]
     words += ["--wait", PATIENCE_S, "--duration", 1]
-    with hanging(endpoints, robot):
+    with hanging(endpoint_file, robot):
         refused = surefoot_here(*words)
         assert refused.returncode == 2
         assert "the left foot feels" in refused.stderr
@@ -64,7 +61,7 @@ def test_what_is_measured_is_taken_off_from_then_on(
     told = json.loads(done.stdout)
     np.testing.assert_allclose(told["right"], OFFSET, atol=CLOSE)
     assert told["left"] == [0.0] * 6
-    with hanging(endpoints, robot):
+    with hanging(endpoint_file, robot):
         again = surefoot_here(*words, "--foot", "right")
     assert again.returncode == 0, again.stderr
     np.testing.assert_allclose(json.loads(again.stdout)["right"], OFFSET, atol=CLOSE)

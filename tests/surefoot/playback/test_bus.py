@@ -44,11 +44,11 @@ CHANNELS = (
 
 @contextmanager
 def playing(
-    path: Path, endpoints: Endpoints, *words: object
+    path: Path, endpoint_file: Path, *words: object
 ) -> Iterator[subprocess.Popen[str]]:
     """``surefoot replay`` as a process."""
     process = subprocess.Popen(
-        command("replay", path, "--listen", endpoints.listen[0], *words),
+        command("replay", path, "--endpoints", endpoint_file, *words),
         env=environment(),
         stderr=subprocess.PIPE,
         text=True,
@@ -85,9 +85,9 @@ def by_channel(path: Path) -> dict[str, list[dict[str, Any]]]:
 
 
 def test_a_subscriber_gets_every_message_in_order(
-    record: Path, endpoints: Endpoints
+    record: Path, endpoints: Endpoints, endpoint_file: Path
 ) -> None:
-    with playing(record, endpoints) as process:
+    with playing(record, endpoint_file) as process:
         samples = watched(endpoints)
         assert process.wait(PATIENCE_S) == 0
     seen: dict[str, list[dict[str, Any]]] = {}
@@ -100,12 +100,17 @@ def test_a_subscriber_gets_every_message_in_order(
 
 
 def test_a_record_of_a_replay_computes_the_same(
-    record: Path, endpoints: Endpoints, tmp_path: Path, surefoot: Surefoot, check: Check
+    record: Path,
+    endpoints: Endpoints,
+    endpoint_file: Path,
+    tmp_path: Path,
+    surefoot: Surefoot,
+    check: Check,
 ) -> None:
     again = tmp_path / "again.mcap"
-    with playing(record, endpoints) as process:
+    with playing(record, endpoint_file) as process:
         done = surefoot(
-            *("record", "--raw", "--out", again, "--connect", endpoints.connect[0]),
+            *("record", "--raw", "--out", again, "--endpoints", endpoint_file),
             *("--json", "--wait", PATIENCE_S),
         )
         assert process.wait(PATIENCE_S) == 0
@@ -118,12 +123,12 @@ def test_a_record_of_a_replay_computes_the_same(
 
 
 def test_it_cannot_be_commanded_and_looks_like_the_robot(
-    record: Path, endpoints: Endpoints
+    record: Path, endpoints: Endpoints, endpoint_file: Path
 ) -> None:
     expected = by_channel(record)
     commander = expected["joint_command"][0]["commander"]
     with (
-        playing(record, endpoints, "--speed", 0.2) as process,
+        playing(record, endpoint_file, "--speed", 0.2) as process,
         looking(endpoints) as observer,
     ):
         wait_until(lambda: observer.stabilizers, what="the stabilizer")
@@ -161,12 +166,12 @@ def test_it_cannot_be_commanded_and_looks_like_the_robot(
 
 
 def test_a_stabilizer_is_told_that_it_is_a_replay(
-    record: Path, endpoints: Endpoints, surefoot: Surefoot
+    record: Path, endpoints: Endpoints, endpoint_file: Path, surefoot: Surefoot
 ) -> None:
-    with playing(record, endpoints, "--loop"):
+    with playing(record, endpoint_file, "--loop"):
         done = surefoot(
             *("stabilizer", "--controller", "hold", "--wait", PATIENCE_S),
-            *("--connect", endpoints.connect[0]),
+            *("--endpoints", endpoint_file),
         )
     assert done.returncode == 1
     assert REFUSAL in done.stderr
@@ -174,13 +179,13 @@ def test_a_stabilizer_is_told_that_it_is_a_replay(
 
 
 def test_part_of_a_record_that_is_cut_off_plays_at_another_speed(
-    record: Path, endpoints: Endpoints, tmp_path: Path
+    record: Path, endpoints: Endpoints, endpoint_file: Path, tmp_path: Path
 ) -> None:
     cut = tmp_path / "cut.mcap.partial"
     data = record.read_bytes()
     cut.write_bytes(data[: 3 * len(data) // 4])
     words = ("--from", 0.1, "--until", 0.4, "--speed", 0.5)
-    with playing(cut, endpoints, *words) as process:
+    with playing(cut, endpoint_file, *words) as process:
         samples = watched(endpoints, ("joints",))
         assert process.wait(PATIENCE_S) == 0
     ticks = [msgspec.msgpack.decode(sample.data)["tick"] for sample in samples]
@@ -191,7 +196,7 @@ def test_part_of_a_record_that_is_cut_off_plays_at_another_speed(
 
 
 def test_readings_that_were_no_numbers_are_none_again(
-    record: Path, endpoints: Endpoints, tmp_path: Path
+    record: Path, endpoints: Endpoints, endpoint_file: Path, tmp_path: Path
 ) -> None:
     def spoil(channel: str, message: dict[str, Any]) -> dict[str, Any]:
         if channel == "imu" and message["tick"] == 50:
@@ -199,7 +204,7 @@ def test_readings_that_were_no_numbers_are_none_again(
         return message
 
     path = rewritten(record, tmp_path / "spoilt.mcap", spoil)
-    with playing(path, endpoints, "--until", 0.1):
+    with playing(path, endpoint_file, "--until", 0.1):
         samples = watched(endpoints, ("imu",))
     read = [msgspec.msgpack.decode(sample.data) for sample in samples]
     assert [m["tick"] for m in read] == list(range(100))
@@ -207,9 +212,11 @@ def test_readings_that_were_no_numbers_are_none_again(
     assert [math.isnan(number) for number in numbers] == [False, True, False]
 
 
-def test_a_loop_begins_again(record: Path, endpoints: Endpoints) -> None:
+def test_a_loop_begins_again(
+    record: Path, endpoints: Endpoints, endpoint_file: Path
+) -> None:
     with (
-        playing(record, endpoints, "--loop", "--until", 0.1),
+        playing(record, endpoint_file, "--loop", "--until", 0.1),
         looking(endpoints) as observer,
     ):
         ticks: list[int] = []
