@@ -166,6 +166,7 @@ class ForceFeedback:
         F_meas: Array,
         F_id: Array,
         in_contact: list[bool],
+        airborne: int | None = None,
     ) -> Array:
         """Compute the twists of this tick.
 
@@ -175,6 +176,7 @@ class ForceFeedback:
             F_meas: (12,) measured wrenches of the ground on the soles.
             F_id: (12,) desired wrenches.
             in_contact: which feet stand.
+            airborne: the foot that a walk has in the air, if any; it writes that twist.
 
         Returns:
             (12,) r, reused by the next call.
@@ -201,6 +203,9 @@ class ForceFeedback:
         np.multiply(change, self.lead, out=self.ground_twist)
         self.ground_twist += self._low_passed
         for side, rows in enumerate(SOLE_ROWS):
+            if side == airborne:
+                self.share[side] = 0.0
+                continue
             F = F_meas[rows].tolist()
             if in_contact[side]:
                 if self._kept_flat and not self.walks:  # a step may roll

@@ -79,11 +79,11 @@ class SoftGround:
         self._turns = [[PRIOR, 0.0, 0.0], [PRIOR, 0.0, 0.0]]
         self._sinks = [[PRIOR, 0.0, 0.0], [PRIOR, 0.0, 0.0]]
         self._wrench = np.zeros(12)
-        self._rate = np.zeros(12)
         self._slow = (np.zeros(24), np.zeros(24))
+        self._seen = np.zeros(24)
+        self._twist, self._rate = self._seen[:12], self._seen[12:]
         self._quick = np.zeros(24)
         self._step = np.zeros(24)
-        self._parts = self._quick[:12], self._quick[12:]
 
     def update(self, v_sole: Array, F_meas: Array, stands: Sequence[bool]) -> None:
         """Advance by one tick.
@@ -98,12 +98,13 @@ class SoftGround:
         rate *= self._low_pass
         self._wrench += rate
         rate /= self._dt
-        np.copyto(self._parts[0], v_sole)
-        np.copyto(self._parts[1], rate)
+        np.copyto(self._twist, v_sole)
+        passed = self._seen
         for slow in self._slow:
-            quick -= slow
+            np.subtract(passed, slow, out=quick)
             np.multiply(quick, self._high_pass, out=self._step)
             slow += self._step
+            passed = quick
         for side, rows in enumerate(SOLE_ROWS):
             if stands[side]:
                 if not self._stood[side]:

@@ -252,6 +252,7 @@ class WholeBodyController(BalanceController):
             F_meas=state.F_meas,
             F_id=self.tsid.F_id,
             in_contact=state.in_contact,
+            airborne=walk.feet.airborne,
         )
         walk.swing_twist(dynamics, law)
         dik = self.dik.solve(dynamics, stance, r=r, q_command=self._q_command)

@@ -300,7 +300,7 @@ class Feet:
             state: gets the forces that may be asked for.
         """
         settings, load = self._settings, stance.load
-        load[:] = left, 1.0 - left
+        load[0], load[1] = left, 1.0 - left
         for side, foot in enumerate(self.states):
             if foot is FootState.LEAVING:
                 margin = settings.leaving_margin * min(1.0, 4.0 * load[side])

@@ -193,6 +193,8 @@ class Gait:
 
     def left_share(self, feet: Sequence[Foothold]) -> float:
         """Return the left foot's part of the weight for the desired ZMP [1]."""
+        if self.phase is Phase.SINGLE:
+            return 1.0 - self.support
         left, right = self.point(feet[0]), self.point(feet[1])
         x, y = left[0] - right[0], left[1] - right[1]
         along = (self.zmp[0] - right[0]) * x + (self.zmp[1] - right[1]) * y

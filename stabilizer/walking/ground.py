@@ -157,7 +157,7 @@ class ExpectedGround:
         turn = soles.R_world_sole[0] @ w_left + soles.R_world_sole[1] @ w_right
         self.normal += (0.5 * trust * self._dt) * cross(turn, self.normal)
         self.normal += self._blend * (_UP + trust * (mean - _UP) - self.normal)
-        self._normalise()
+        self._point(*self.normal.tolist())
         self.velocity = 0.0
         self.turn[:] = 0.0
 
@@ -192,7 +192,7 @@ class ExpectedGround:
         """
         mean, trust = self._common(soles)
         self.normal += (self._blend * trust) * (mean - self.normal)
-        self._normalise()
+        self._point(*self.normal.tolist())
         self._in_sole[:] = self.normal @ soles.R_world_sole[support]
 
     def stand_on(self, soles: SolesAndCom, *, support: int) -> None:
@@ -240,31 +240,43 @@ class ExpectedGround:
         roll, pitch = turns * shares[0], turns * shares[1]
         # Of a tipping sole only the pressed point stays on the ground.
         v_z += (1.0 - roll) * w_x * y - (1.0 - pitch) * w_y * x
-        turn, in_sole = self.turn, self._scratch
+        turn, in_sole, up = self.turn, self._scratch, self.normal
         in_sole[0], in_sole[1], in_sole[2] = roll * w_x, pitch * w_y, 0.0
         R.dot(in_sole, out=turn)
         turn[2] = 0.0
-        ahead, left, _ = (soles.p_sole[1 - support] - soles.p_sole[support]).tolist()
+        turn_x, turn_y, _ = turn.tolist()
+        here_x, here_y, _ = soles.p_sole[support].tolist()
+        ahead, left, _ = soles.p_sole[1 - support].tolist()
+        ahead, left = ahead - here_x, left - here_y
         in_sole[0], in_sole[1], in_sole[2] = v_x, v_y, v_z
         vertical = float(R[2].dot(in_sole))
-        self.velocity = vertical + turn.item(0) * left - turn.item(1) * ahead
-        self.normal += self._dt * cross(turn, self.normal)
-        slope_x, slope_y = self.slope()
-        self.middle_over_support = 0.5 * (slope_x * ahead + slope_y * left)
-        off = self._in_sole - self.normal.dot(R)
+        self.velocity = vertical + turn_x * left - turn_y * ahead
+        n_x, n_y, n_z = up.tolist()
+        dt = self._dt
+        n_x, n_y, n_z = (
+            n_x + dt * (turn_y * n_z),
+            n_y - dt * (turn_x * n_z),
+            n_z + dt * (turn_x * n_y - turn_y * n_x),
+        )
+        up[0], up[1], up[2] = n_x, n_y, n_z
+        self.middle_over_support = 0.5 * (-n_x / n_z * ahead + -n_y / n_z * left)
+        # The part of the sole's turns since it stands that is not the ground's.
+        kept_x, kept_y, _ = self._in_sole.tolist()
+        off_x, off_y, _ = up.dot(R).tolist()
         blend *= turns
-        in_sole[0], in_sole[1], in_sole[2] = blend * pitch_room, blend * roll_room, 0.0
-        off *= in_sole
-        self.normal += R.dot(off)
-        self._normalise()
+        in_sole[0] = (kept_x - off_x) * (blend * pitch_room)
+        in_sole[1] = (kept_y - off_y) * (blend * roll_room)
+        in_sole[2] = 0.0
+        off_x, off_y, off_z = R.dot(in_sole).tolist()
+        self._point(n_x + off_x, n_y + off_y, n_z + off_z)
 
     def slope(self) -> tuple[float, float]:
         """Return how the plane rises ahead and to the left [1]."""
         x, y, z = self.normal.tolist()
         return -x / z, -y / z
 
-    def _normalise(self) -> None:
-        x, y, z = self.normal.tolist()
+    def _point(self, x: float, y: float, z: float) -> None:
+        """Point the normal there; it has unit length and is not too steep."""
         level = math.hypot(x, y)
         if level > STEEPEST:
             x, y = x * STEEPEST / level, y * STEEPEST / level

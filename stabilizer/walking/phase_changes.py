@@ -92,16 +92,17 @@ class PhaseChanges:
         """
         gait, feet = self._gait, self._feet
         phase = gait.phase
+        if phase is Phase.SINGLE and gait.left_s > 0.0:
+            return None
         for side in range(2):
-            if phase is not Phase.SINGLE or gait.left_s == 0.0:
-                feet.settle(side)
+            feet.settle(side)
         if phase in (Phase.SHIFT, Phase.DOUBLE):
             leaving = 1 - gait.support
             if pauses:
                 self._stay(leaving)
                 return None
             return self._leave(leaving, normals[leaving], footholds, ahead())
-        if phase is Phase.SINGLE and gait.left_s == 0.0:
+        if phase is Phase.SINGLE:
             assert moved is not None
             if self._contacts.in_contact[moved]:
                 self._waited_s = 0.0

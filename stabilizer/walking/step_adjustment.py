@@ -257,8 +257,10 @@ class StepAdjustment:
         self, move: Move, support: Foothold, foot: tuple[Point, Point]
     ) -> Point:
         """Move the shift towards its goal, no faster than a leg can follow."""
-        most = self._dt * self._rates[self._is_across]
         goal = self._goal
+        if goal == self.shift and not self._is_across:
+            return 0.0, 0.0
+        most = self._dt * self._rates[self._is_across]
         if self._is_across:
             goal = self._led_around(goal, move, support, foot)
         x, y = goal[0] - self.shift[0], goal[1] - self.shift[1]

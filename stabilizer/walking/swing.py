@@ -7,11 +7,11 @@ import math
 import numpy as np
 import pinocchio as pin
 
-from surefoot.schemas.arrays import Array, Mat, Vec3
+from surefoot.schemas.arrays import Array, Mat
 from surefoot.schemas.settings import WalkSettings
 from surefoot.stabilizer.control.reference import Stance
 from surefoot.stabilizer.control.tasks import Task
-from surefoot.stabilizer.dynamics import SOLE_ROWS, Dynamics, SolesAndCom, cross
+from surefoot.stabilizer.dynamics import SOLE_ROWS, Dynamics, SolesAndCom
 from surefoot.stabilizer.walking.footsteps import GLIDE_PEAK, RAMP, travel_part
 
 LATE_RAMP_S = 0.06
@@ -53,14 +53,13 @@ class SwingPath:
         self.xy = self.xy_rate = self.xy_acceleration = (0.0, 0.0)
         self.yaw = self.yaw_rate = 0.0
         self.height = self.height_rate = self.height_acceleration = 0.0
-        self.start = self._to = self.unshifted = (0.0, 0.0)
+        self.start = self._way = self.unshifted = (0.0, 0.0)
         self._yaw_from = self._yaw_to = 0.0
         self._height_from = self._rise = self.apex = 0.0
         self.duration_s = self._travel_s = 1.0
         self.way = (0.0, 0.0)
         self._travel_from_s = 0.0
-        self._shift = [0.0, 0.0]
-        self._shift_rate = [0.0, 0.0]
+        self._shift = self._shift_rate = (0.0, 0.0)
         self.time, self._pace = 0.0, 1.0
 
     def begin(
@@ -89,20 +88,19 @@ class SwingPath:
             duration_s: time to the planned touchdown [s].
             climb: height of the foothold over the one that is left, by plan [m].
         """
-        self.start, self._to = xy, target
-        self.xy = self.unshifted = xy
+        self.start = self.xy = self.unshifted = xy
         self._yaw_from = yaw
         self._yaw_to = yaw + math.remainder(target_yaw - yaw, math.tau)
         self._height_from, self._rise = height, rise
         self.apex = max(height, rise) + lift
         self.duration_s = duration_s
-        x, y = target[0] - xy[0], target[1] - xy[1]
+        self._way = x, y = target[0] - xy[0], target[1] - xy[1]
         far = max(math.hypot(x, y), 1e-6)
         self.way = (x / far, y / far)
         begins, ends = travel_part(climb, lift, self._settings)
         self._travel_from_s = begins * duration_s
         self._travel_s = (ends - begins) * duration_s
-        self._shift, self._shift_rate = [0.0, 0.0], [0.0, 0.0]
+        self._shift = self._shift_rate = (0.0, 0.0)
         self.time, self._pace = 0.0, 1.0
 
     def advance(
@@ -121,19 +119,16 @@ class SwingPath:
         s, s_rate, s_acceleration = glide((self.time - self._travel_from_s) / T)
         s_rate = pace * s_rate / T
         s_acceleration = pace * pace * s_acceleration / (T * T)
-        xy, rate, acceleration = [0.0, 0.0], [0.0, 0.0], [0.0, 0.0]
-        for i in range(2):
-            pull = SHIFT_RATE * SHIFT_RATE * (shift[i] - self._shift[i])
-            pull -= 2.0 * SHIFT_RATE * self._shift_rate[i]
-            self._shift_rate[i] += dt * pull
-            self._shift[i] += dt * self._shift_rate[i]
-            way = self._to[i] - self.start[i]
-            xy[i] = self.start[i] + way * s + self._shift[i]
-            rate[i] = way * s_rate + self._shift_rate[i]
-            acceleration[i] = way * s_acceleration + pull
-        self.xy, self.xy_rate = (xy[0], xy[1]), (rate[0], rate[1])
-        self.unshifted = (xy[0] - self._shift[0], xy[1] - self._shift[1])
-        self.xy_acceleration = (acceleration[0], acceleration[1])
+        (x, y), (way_x, way_y) = self.start, self._way
+        pull_x, pull_y = self._follow_shift(shift, dt)
+        (shift_x, shift_y), (rate_x, rate_y) = self._shift, self._shift_rate
+        x, y = x + way_x * s + shift_x, y + way_y * s + shift_y
+        self.xy, self.unshifted = (x, y), (x - shift_x, y - shift_y)
+        self.xy_rate = (way_x * s_rate + rate_x, way_y * s_rate + rate_y)
+        self.xy_acceleration = (
+            way_x * s_acceleration + pull_x,
+            way_y * s_acceleration + pull_y,
+        )
         turn = self._yaw_to - self._yaw_from
         self.yaw, self.yaw_rate = self._yaw_from + turn * s, turn * s_rate
         self.height, rise, lift = self._height_at(self.time)
@@ -158,13 +153,25 @@ class SwingPath:
         T = self._travel_s
         _, s_rate, _ = glide((t - self._travel_from_s) / T)
         s_rate *= pace
-        way_x, way_y = self._to[0] - self.start[0], self._to[1] - self.start[1]
+        way_x, way_y = self._way
         _, rate, _ = self._height_at(t)
         return (
             way_x * s_rate / T + self._shift_rate[0],
             way_y * s_rate / T + self._shift_rate[1],
             pace * rate,
         )
+
+    def _follow_shift(
+        self, shift: tuple[float, float], dt: float
+    ) -> tuple[float, float]:
+        """Advance the filter on shifts; return their acceleration [m/s^2]."""
+        (x, y), (v_x, v_y) = self._shift, self._shift_rate
+        stiff, damped = SHIFT_RATE * SHIFT_RATE, 2.0 * SHIFT_RATE
+        a_x = stiff * (shift[0] - x) - damped * v_x
+        a_y = stiff * (shift[1] - y) - damped * v_y
+        v_x, v_y = v_x + dt * a_x, v_y + dt * a_y
+        self._shift, self._shift_rate = (x + dt * v_x, y + dt * v_y), (v_x, v_y)
+        return a_x, a_y
 
     def _pass_time(self, t: float, duration_s: float, dt: float) -> None:
         """Advance along the path: as planned, or so that it ends at the wanted time."""
@@ -213,12 +220,14 @@ class SwingReference:
 
     def __init__(self) -> None:
         """Begin with zeros."""
-        self.p: Vec3 = np.zeros(3)
-        self.v: Vec3 = np.zeros(3)
-        self.a: Vec3 = np.zeros(3)
-        self.v_ahead: Vec3 = np.zeros(3)
-        self.R: Mat = np.eye(3)
-        self.w: Vec3 = np.zeros(3)
+        self._all = np.zeros(24)  # side by side, to be written at once
+        self.p, self.v, self.a, self.v_ahead, self.w = self._all[:15].reshape(5, 3)
+        self.R: Mat = self._all[15:].reshape(3, 3)
+        self.R[:] = np.eye(3)
+
+    def write(self, *numbers: float) -> None:
+        """Write p, v, a, v_ahead, w and the rows of R: 24 numbers."""
+        self._all[:] = numbers
 
 
 class SwingTask(Task):
@@ -271,15 +280,23 @@ class SwingTask(Task):
         """Write a PD law plus the path's acceleration [m/s^2, rad/s^2]."""
         reference, side = self._reference, self._side
         R = dynamics.R_world_sole[side]
-        twist = dynamics.v_sole[self._rows]
-        v, w = twist[:3], twist[3:]
-        wanted = self._wanted
-        np.multiply(self._off, self._kp, out=wanted)
+        wanted, kp, kd = self._wanted, self._kp, self._kd
+        np.multiply(self._off, kp, out=wanted)
         wanted += reference.a
-        wanted += self._kd * reference.v
+        wanted += kd * reference.v
+        a_x, a_y, a_z = wanted.dot(R).tolist()
+        turn_x, turn_y, turn_z = self._turn.tolist()
+        to_x, to_y, to_z = reference.w.dot(R).tolist()
+        v_x, v_y, v_z, w_x, w_y, w_z = dynamics.v_sole[self._rows].tolist()
         # The Jacobian's rate is that of the spatial twist, which lacks a point's w x v.
-        out[:3] = wanted.dot(R) - self._kd * v - cross(w, v)
-        out[3:] = self._kp * self._turn + self._kd * (reference.w.dot(R) - w)
+        out[:] = (
+            a_x - kd * v_x - (w_y * v_z - w_z * v_y),
+            a_y - kd * v_y - (w_z * v_x - w_x * v_z),
+            a_z - kd * v_z - (w_x * v_y - w_y * v_x),
+            kp * turn_x + kd * (to_x - w_x),
+            kp * turn_y + kd * (to_y - w_y),
+            kp * turn_z + kd * (to_z - w_z),
+        )
 
     def twist(self, dynamics: Dynamics, out: Array) -> None:
         """Write the sole's desired twist, sole axes.

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import replace
 
-from surefoot.schemas.arrays import Array, Mat, Vec3
+from surefoot.schemas.arrays import Array, Vec3
 from surefoot.schemas.settings import WalkSettings
 from surefoot.stabilizer.dynamics import SolesAndCom
 from surefoot.stabilizer.model import yaw_from
@@ -224,15 +224,18 @@ class SwingFoot:
         x, y = path.xy
         across_x, across_y = x - support[0], y - support[1]
         level = support[2] + slope_x * across_x + slope_y * across_y
-        reference.p[:] = x, y, level + path.height
         v_x, v_y = path.xy_rate
         along = slope_x * v_x + slope_y * v_y
-        reference.v[:] = v_x, v_y, path.height_rate + along + ground.velocity
-        reference.a[:] = *path.xy_acceleration, path.height_acceleration
-        v_x, v_y, v_z = path.velocity_after(self._lead_s)
-        along = slope_x * v_x + slope_y * v_y
-        reference.v_ahead[:] = v_x, v_y, v_z + along + ground.velocity
-        self._turn(reference)
+        soon_x, soon_y, soon_z = path.velocity_after(self._lead_s)
+        soon_along = slope_x * soon_x + slope_y * soon_y
+        reference.write(
+            *(x, y, level + path.height),
+            *(v_x, v_y, path.height_rate + along + ground.velocity),
+            *path.xy_acceleration,
+            path.height_acceleration,
+            *(soon_x, soon_y, soon_z + soon_along + ground.velocity),
+            *self._turning(),
+        )
 
     def go_down(
         self,
@@ -252,30 +255,30 @@ class SwingFoot:
             yaw: its heading [rad].
             since_s: time since it bounced; infinite to hurry [s].
         """
-        reference = self.references[side]
         self._path.stay(xy, yaw)
-        reference.p[:] = *xy, soles.p_sole[side][2]
         speed, _ = late_descent(since_s, self._settings)
-        reference.v[:] = 0.0, 0.0, self._ground.velocity - speed
-        reference.v_ahead[:] = reference.v
-        reference.a[:] = 0.0
-        self._turn(reference)
+        v = (0.0, 0.0, self._ground.velocity - speed)
+        z = soles.p_sole[side].item(2)
+        self.references[side].write(*xy, z, *v, 0.0, 0.0, 0.0, *v, *self._turning())
 
-    def _turn(self, reference: SwingReference) -> None:
-        """Write orientation and turn: along the ground, with the path's heading."""
-        reference.w[:] = self._ground.turn
-        reference.w[2] += self._path.yaw_rate
-        _face(self._ground.normal, self._path.yaw, out=reference.R)
+    def _turning(self) -> tuple[float, ...]:
+        """Return w and R: along the ground, with the path's heading."""
+        w_x, w_y, w_z = self._ground.turn.tolist()
+        path = self._path
+        facing = _facing(self._ground.normal, path.yaw)
+        return w_x, w_y, w_z + path.yaw_rate, *facing
 
 
-def _face(normal: Vec3, yaw: float, *, out: Mat) -> None:
-    """Write the rotation with z along a normal and x towards a heading."""
+def _facing(normal: Vec3, yaw: float) -> tuple[float, ...]:
+    """Return the rotation with z along a normal and x towards a heading, row by row."""
     x, y, z = normal.tolist()
     cos, sin = math.cos(yaw), math.sin(yaw)
     # x axis: the level heading, raised into the plane.
     up = -(x * cos + y * sin) / z
     length = math.sqrt(1.0 + up * up)
-    a = (cos / length, sin / length, up / length)
-    out[:, 0] = a
-    out[:, 1] = y * a[2] - z * a[1], z * a[0] - x * a[2], x * a[1] - y * a[0]
-    out[:, 2] = x, y, z
+    a_x, a_y, a_z = cos / length, sin / length, up / length
+    return (
+        *(a_x, y * a_z - z * a_y, x),
+        *(a_y, z * a_x - x * a_z, y),
+        *(a_z, x * a_y - y * a_x, z),
+    )

@@ -144,6 +144,7 @@ class Walk:
         self._feels_late = False
         self._standing_base: Mat = np.eye(3)
         self._walking_base: Mat = np.eye(3)
+        self._turn: Mat = np.eye(3)
         self._height = height
         self._places: list[Foothold] | None = None
         self._base_yaw: float | None = None
@@ -248,7 +249,6 @@ class Walk:
         is_due = is_single and gait.left_s == 0.0
         if move is not None and is_due and self._blind[move.side]:
             self.feet.set_down(move.side)
-        self._places = None
         self._note_touchdowns(soles)
         self._ground.update(soles, law, state.F_meas, feet=self.feet)
         self._told.ahead = self._ahead()
@@ -361,7 +361,10 @@ class Walk:
         if move is None:
             return
         side = move.side
-        if self.feet.touched[side] and self.gait.phase is Phase.SINGLE:
+        if not self.feet.touched[side]:
+            return
+        self._places = None
+        if self.gait.phase is Phase.SINGLE:
             x, y = self._adjustment.shift
             self._adjustment.stop()
             p = soles.p_sole[side]
@@ -404,8 +407,11 @@ class Walk:
         if airborne is not None:
             yaws[airborne] = self._swing.yaw
         if (yaw := mean_yaw(*yaws)) != self._base_yaw:
-            self._base_yaw = yaw
-            np.matmul(turned(yaw), self._standing_base, out=self._walking_base)
+            self._base_yaw, turn = yaw, self._turn
+            turn[0, 0] = turn[1, 1] = math.cos(yaw)
+            turn[1, 0] = math.sin(yaw)
+            turn[0, 1] = -turn.item(1, 0)
+            np.matmul(turn, self._standing_base, out=self._walking_base)
         stance.R_base[:] = self._walking_base
         for p_sole, p in zip(stance.p_sole, anchors.p, strict=True):
             p_sole[0], p_sole[1], p_sole[2] = p

@@ -80,10 +80,8 @@ class Visit:
 
     def _start(self, name: str, *words: object) -> subprocess.Popen[bytes]:
         with (self.folder / f"{name}.log").open("w") as log:
-            # Flat out, a run in lockstep would keep the page from being drawn.
-            behind = [] if name == "view" else ["nice", "-n", "5"]
             return subprocess.Popen(
-                [*behind, *command(name, *words)],
+                command(name, *words),
                 env=environment(),
                 stdout=subprocess.PIPE,
                 stderr=log,
