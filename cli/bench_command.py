@@ -223,7 +223,6 @@ def _settings(overrides: Iterable[str] | None) -> dict[str, Any]:
 
 def _tables(tables: Iterable[TextTable]) -> RenderableType:
     from rich.console import Group
-    from rich.markup import escape
 
     from surefoot.cli.console import new_table
 
@@ -231,6 +230,6 @@ def _tables(tables: Iterable[TextTable]) -> RenderableType:
     for table in tables:
         drawn = new_table(table.title, *table.columns)
         for row in table.rows:
-            drawn.add_row(*map(escape, row))
+            drawn.add_row(*row)
         shown.append(drawn)
     return Group(*shown)

@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING, Any
 
 import msgspec
 import typer
-from rich.markup import escape
 from rich.table import Table
 
 from surefoot.cli.console import new_table
@@ -160,7 +159,7 @@ def topics_table(told: Topics) -> Table:
     )
     table.columns[0].no_wrap = True
     for row in told.channels:
-        key = escape(row.key.removeprefix(f"{namespace}/"))
+        key = row.key.removeprefix(f"{namespace}/")
         table.add_row(row.channel, key, row.type, *_heard(row))
     return table
 
@@ -169,7 +168,7 @@ def unknown_table(told: Topics) -> Table:
     """Return a table with one row per key that is not a channel."""
     table = _table(f"keys that are no channel of {told.robot}", "key")
     for row in told.unknown:
-        table.add_row(escape(row.key), *_heard(row))
+        table.add_row(row.key, *_heard(row))
     return table
 
 
@@ -193,7 +192,7 @@ def _names(names: list[str] | None) -> str:
     if names is None:
         return "?"
     kinds = dict.fromkeys(name.split()[0] for name in names)
-    return escape(", ".join(kinds)) or NONE
+    return ", ".join(kinds) or NONE
 
 
 def find_channel(text: str, robot: Robot) -> Topic:

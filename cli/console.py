@@ -15,6 +15,7 @@ from rich.console import Console, RenderableType
 from rich.live import Live
 from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
 from rich.table import Table
+from rich.text import Text
 
 from surefoot.errors import ERROR_PREFIX
 from surefoot.installation import install_command
@@ -27,26 +28,30 @@ WIDE = 200
 """Columns in a pipe or a file, which have no width of their own."""
 
 
+PLAIN: dict[str, Any] = {"markup": False, "emoji": False}
+"""A unit, [m], or a name that somebody chose is text, not how to print it."""
+
+
 def _console_for_results() -> Console:
-    console = Console()
+    console = Console(**PLAIN)
     if console.is_terminal or "COLUMNS" in os.environ:
         return console
-    return Console(width=WIDE)
+    return Console(width=WIDE, **PLAIN)
 
 
 _stdout = _console_for_results()
-_stderr = Console(stderr=True)
+_stderr = Console(stderr=True, **PLAIN)
 
 
 def print_error(error: BaseException) -> None:
     """Say what went wrong; the message itself, without decoration or traceback."""
-    _stderr.print(f"[bold red]{ERROR_PREFIX}[/]", end=" ")
-    _stderr.print(_words(error), markup=False, highlight=False, soft_wrap=True)
+    _stderr.print(ERROR_PREFIX, style="bold red", end=" ")
+    _stderr.print(_words(error), highlight=False, soft_wrap=True)
 
 
 def print_note(text: str) -> None:
     """Say something in passing, away from the result."""
-    _stderr.print(text, markup=False, highlight=False, soft_wrap=True)
+    _stderr.print(text, highlight=False, soft_wrap=True)
 
 
 class NoteHandler(logging.Handler):
@@ -86,7 +91,12 @@ def new_table(
 
 def print_text(text: str) -> None:
     """Print a line of a result for people."""
-    _stdout.print(text, markup=False, highlight=False, soft_wrap=True)
+    _stdout.print(text, highlight=False, soft_wrap=True)
+
+
+def verdict_mark(is_good: bool, otherwise: str, *, style: str = "bold red") -> Text:
+    """Return a green ``ok``, or what to say instead, in its own style."""
+    return Text("ok", "green") if is_good else Text(otherwise, style)
 
 
 def print_json(
@@ -148,9 +158,9 @@ def count_bar(
 def _bar(title: str, *, total: int, words: str) -> Iterator[Callable[[int, str], None]]:
     """Show a bar on a terminal, nothing elsewhere; yields a function to update it."""
     bar = Progress(
-        TextColumn("{task.description}"),
+        TextColumn("{task.description}", markup=False),
         BarColumn(),
-        TextColumn("{task.fields[words]}"),
+        TextColumn("{task.fields[words]}", markup=False),
         TimeRemainingColumn(),
         console=_stderr,
         refresh_per_second=REFRESH_HZ,

@@ -56,17 +56,15 @@ def check_robot(
 
 
 def _checks_table(report: ConformanceReport) -> Table:
-    from rich.markup import escape
-
-    from surefoot.cli.console import new_table
+    from surefoot.cli.console import new_table, verdict_mark
 
     failed = sum(not finding.passed for finding in report.findings)
     verdict = f"{failed} failed" if failed else "all passed"
     title = f"{report.robot}: {len(report.findings)} checks, {verdict}"
     table = new_table(title, "check", "", "got", "expected")
     for finding in report.findings:
-        mark = "[green]ok[/]" if finding.passed else "[bold red]FAILED[/]"
-        table.add_row(finding.name, mark, escape(finding.got), escape(finding.expected))
+        mark = verdict_mark(finding.passed, "FAILED")
+        table.add_row(finding.name, mark, finding.got, finding.expected)
     return table
 
 

@@ -17,6 +17,7 @@ if TYPE_CHECKING:
 
 _PARTS = "Parts of the robot"
 _JOINTS = "Joints"
+_WARNED = "bold yellow"
 
 
 def new_robot(
@@ -164,8 +165,6 @@ def new_robot(
 
 
 def _table(name: str, notes: tuple[Note, ...]) -> Table:
-    from rich.text import Text
-
     from surefoot.cli.console import new_table
     from surefoot.robot_files.draft import KINDS
 
@@ -173,7 +172,7 @@ def _table(name: str, notes: tuple[Note, ...]) -> Table:
     for kind in KINDS:
         lines = [note.text for note in notes if note.kind == kind]
         for place, line in enumerate(lines):
-            table.add_row("" if place else kind, Text(line))
+            table.add_row("" if place else kind, line)
         if lines:
             table.add_section()
     return table
@@ -208,25 +207,23 @@ def check_robot_file(
 
 
 def _findings(report: RobotFileReport) -> Table:
-    from rich.markup import escape
-
-    from surefoot.cli.console import new_table
+    from surefoot.cli.console import new_table, verdict_mark
 
     warnings = sum(f.verdict == "warning" for f in report.findings)
     title = f"{report.robot}: {warnings or 'no'} warning{'s' * (warnings != 1)}"
     table = new_table(title, "what", "", "found", "do")
     for finding in report.findings:
-        mark = "[green]ok[/]" if finding.verdict == "ok" else "[bold yellow]warning[/]"
-        table.add_row(finding.name, mark, escape(finding.got), escape(finding.advice))
+        mark = verdict_mark(finding.verdict == "ok", "warning", style=_WARNED)
+        table.add_row(finding.name, mark, finding.got, finding.advice)
     return table
 
 
 def _scenarios(report: RobotFileReport) -> Table:
-    from surefoot.cli.console import new_table
+    from surefoot.cli.console import new_table, verdict_mark
 
     headings = ("scenario", "", "why; --scale-to-robot makes it fit")
     table = new_table("shipped scenarios", *headings)
     for fit in report.scenarios:
-        mark = "[bold yellow]out of reach[/]" if fit.why else "[green]ok[/]"
+        mark = verdict_mark(not fit.why, "out of reach", style=_WARNED)
         table.add_row(fit.name, mark, fit.why)
     return table

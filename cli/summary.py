@@ -241,7 +241,8 @@ def _add_gate(table: Table, result: RunResult | PlantResult) -> None:
     )
     if result.unrecorded_ticks:
         table.add_row(
-            "ticks not recorded", f"[bold red]{result.unrecorded_ticks}[/], slow disk"
+            "ticks not recorded",
+            Text.assemble((f"{result.unrecorded_ticks}", "bold red"), ", slow disk"),
         )
     table.add_row("commands refused", counted(result.refused))
     table.add_row("commands clipped", counted(result.clipped))

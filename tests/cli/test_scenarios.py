@@ -1,6 +1,8 @@
 from __future__ import annotations
 
 import json
+import re
+from pathlib import Path
 
 from surefoot.robot_io.robot import list_robots, load_robot
 from surefoot.schemas.scenario import load_scenario
@@ -44,3 +46,22 @@ def test_every_setting_is_listed_with_what_it_does(surefoot_here: Surefoot) -> N
     defaults = {row["name"]: row["default"] for row in rows}
     assert defaults["tsid.base_kp"] == ControllerSettings().tsid.base_kp
     assert "walk.cross_ahead_m" in surefoot_here("settings").stdout
+
+
+def test_units_and_names_are_printed_as_they_are_written(
+    surefoot_here: Surefoot, tmp_path: Path
+) -> None:
+    """In brackets they are not taken for colours."""
+    listed = surefoot_here("settings").stdout
+    assert " ".join(listed.split()).count("[m]") > 5
+    told = surefoot_here("settings", "--json")
+    units = set(re.findall(r"\[[a-z/]+\]", told.stdout))
+    assert units
+    assert all(unit in listed for unit in units)
+    name = "a [m] :ship: [red]"
+    (scenario := tmp_path / "named.toml").write_text(
+        f'name = "{name}"\nduration_s = 0.1\n'
+    )
+    done = surefoot_here("run", scenario, "--inline", "--out", tmp_path / name)
+    assert done.returncode == 0, done.stderr
+    assert str(tmp_path / name) in done.stdout
