@@ -72,7 +72,7 @@ def topics(
         print_table(topics_table(told))
         if told.unknown:
             print_table(unknown_table(told))
-        print_text(f"on the bus: {', '.join(told.processes) or 'nobody tells'}")
+        print_text(f"on the bus: {', '.join(told.processes) or 'unknown'}")
     for row in told.channels:
         if row.malformed:
             print_note(
@@ -80,10 +80,7 @@ def topics(
                 f"last: {row.malformed_reason}"
             )
     if not graph.is_told:
-        print_note(
-            "who publishes and subscribes is not told here: the access control of "
-            "the bus keeps it"
-        )
+        print_note("the access control of the bus hides who publishes and subscribes")
     tell_absences(listener.absences)
 
 
@@ -191,8 +188,8 @@ def _show(listener: Listener, shown: Echo, entry: Topic, *, count: int | None) -
         if not is_told and time.monotonic() - said_since > SILENT_S:
             is_told = True
             print_note(
-                f"nothing on {entry.name} for {SILENT_S:g} s (it speaks {entry.rate}); "
-                "surefoot topics tells who publishes; Ctrl-C ends"
+                f"nothing on {entry.name} for {SILENT_S:g} s (its rate: {entry.rate}); "
+                "surefoot topics shows who publishes; Ctrl-C ends"
             )
 
 
@@ -276,13 +273,11 @@ def hz(
     else:
         print_table(hz_table(timings))
         if not has_delay:
-            print_note(
-                "no delay: stamps are of the robot's clock, which is another host's"
-            )
+            print_note("no delay: the stamps are of another host's clock")
     if listener.lost:
         print_note(
-            f"{listener.lost} messages came faster than they were read here, and are "
-            "among the gaps"
+            f"{listener.lost} messages came faster than this command reads, and "
+            "count among the gaps"
         )
     if stop.is_set:
         raise typer.Exit(ExitCode.INTERRUPTED)

@@ -212,8 +212,8 @@ def find_channel(text: str, robot: Robot) -> Topic:
         if wanted in (entry.name, robot.keys[entry.name]):
             if entry.direction in SERVICES:
                 raise UsageError(
-                    f"{entry.name} is a {entry.direction}: it is asked and answers, "
-                    f"there is nothing to listen to; {there}"
+                    f"{entry.name} is a {entry.direction}: it answers requests and "
+                    f"publishes nothing; {there}"
                 )
             return entry
     keys = {robot.keys[entry.name]: entry.name for entry in PUBLISHED}
@@ -231,5 +231,5 @@ def tell_absences(absences: Absences) -> None:
     from surefoot.cli.console import print_note
 
     if absences.times:
-        print_note(f"{absences}; what came meanwhile is missing here")
+        print_note(f"{absences}; messages of that time are missing here")
         raise typer.Exit(ExitCode.FAILED)

@@ -36,7 +36,7 @@ def check_robot(
 ) -> None:
     """Check that a live robot's driver does what every driver must do.
 
-    The robot must stand on both feet. The command takes command, holds the posture and
+    The robot must stand on both feet. The check takes command, holds the posture and
     gives command back; no joint moves by more than 1 mrad. Exits with 1 when a check
     failed, with 4 when there is no robot.
     """

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from surefoot.recording.write import McapFile
     from surefoot.robot_io.client_side.robot_watch import Absences
 _READY = "ready: what is said from now on is in the record"
-_CUT_OFF = "{} is cut off; what is whole of it was written"
+_CUT_OFF = "{} is cut off; all complete ticks were written"
 
 
 class LogTime(StrEnum):
@@ -136,11 +136,11 @@ def _tell(file: McapFile, absences: Absences) -> None:
             )
         if count.unreadable:
             log_warning(
-                f"{name}: {count.unreadable} messages are none of this channel; they "
-                f"are kept as they came, on /{name}/{UNREADABLE}"
+                f"{name}: {count.unreadable} messages do not fit this channel and are "
+                f"kept as bytes on /{name}/{UNREADABLE}"
             )
     if absences.times:
-        log_warning(f"{absences}; what was said meanwhile is not in the record")
+        log_warning(f"{absences}; messages of that time are not in the record")
 
 
 log = typer.Typer(
@@ -197,7 +197,7 @@ def _tell_signals(place: Path, *, as_json: bool) -> None:
     if as_json:
         print_json(told)
         return
-    whole = "cut off; all that is whole of it is told" if told.is_cut_off else "whole"
+    whole = "cut off; all complete ticks are shown" if told.is_cut_off else "whole"
     lost = f", {told.lost_ticks} not recorded" if told.lost_ticks else ""
     print_text(f"{place}: {whole}, {told.ticks} ticks{lost}\n\n{signals.describe()}")
 
@@ -247,8 +247,8 @@ def _left_out(record: Record) -> list[str]:
         lost = size - sum(1 for _ in record.each(name))
         if lost:
             notes.append(
-                f"{name}: {lost} of {size} messages left out; they are not "
-                f"{record.encoding(name)} that can be read"
+                f"{name}: {lost} of {size} messages left out; they are not valid "
+                f"{record.encoding(name)}"
             )
     if record.is_cut_off or record.damage:
         notes.append(

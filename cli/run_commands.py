@@ -79,8 +79,8 @@ def run(
         typer.Option(
             "--push",
             metavar='"N s,deg,s"',
-            help="Push the base for 0.1 s: impulse [N s], direction [deg] (0 along x, "
-            "90 along y), time [s]. May be repeated.",
+            help="Push the base for 0.1 s: impulse in N s, direction in deg (0 along "
+            "x, 90 along y) and time in s. May be repeated.",
         ),
     ] = None,
     video: Annotated[

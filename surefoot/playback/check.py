@@ -206,8 +206,8 @@ def _followable(session: Session, notes: list[str]) -> Session | None:
     if 0 not in session.starts:
         tick = session.commands[0].tick
         notes.append(
-            f"{who} commanded before the record begins (tick {tick}): its controller's "
-            "state then is not known"
+            f"{who} commanded before the record begins (tick {tick}): the state of "
+            "its controller is unknown"
         )
         return None
     if session.missing:
@@ -253,13 +253,13 @@ def _doubts(inputs: Inputs, mode: str, *, stale: int) -> list[str]:
         )
     if inputs.references:
         doubts.append(
-            "a planner gave references: from which tick on each counted is not "
-            "recorded, and taken from the stamps"
+            "a planner gave references: the record does not tell from which tick on "
+            "each counted, so their stamps are used"
         )
     if mode != "lockstep":  # records of surefoot record do not tell their mode
         doubts.append(
-            "in real time a sensor's message may have reached the recorder and been "
-            "late for the stabilizer, which the record does not tell"
+            "in real time a sensor's message may have reached the recorder but been "
+            "late for the stabilizer; the record does not tell"
         )
     return doubts
 
@@ -286,7 +286,9 @@ class _Said:
                 self.notes.append(f"the attached {MARKER} cannot be read ({error})")
         entries = [entry for entry in timeline.entries if entry.round == 0]
         if len(entries) < len(timeline.entries):
-            self.notes.append("the robot began anew: only what came before is compared")
+            self.notes.append(
+                "the robot restarted: only ticks before that are compared"
+            )
         self.entries = self._settled(entries)
         if until_s is not None:
             end = timeline.first_tick + round(until_s / robot.period_s)

@@ -190,7 +190,7 @@ def recorded_robot(record: Record, instead: str | None) -> Iterator[Robot]:
         file = msgspec.json.decode(files[ROBOT_JSON], type=RobotFile)
     except (ValueError, RecursionError) as error:
         raise UsageError(
-            f"{record.path}: the attached {ROBOT_JSON} is none of this version "
+            f"{record.path}: the attached {ROBOT_JSON} does not fit this version "
             f"({error}); name the robot with --robot"
         ) from error
     with tempfile.TemporaryDirectory(prefix="surefoot-replay-") as name:

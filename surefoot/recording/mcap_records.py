@@ -153,11 +153,11 @@ class McapRecords:
         if begin == MAGIC:
             return
         if begin and MAGIC.startswith(begin):
-            what = f"cut off after {len(begin)} bytes, nothing of it can be read"
+            what = f"cut off after {len(begin)} bytes, so nothing can be read"
         elif not begin:
             what = "the file is empty"
         else:
-            what = f"begins with {begin!r}, a file of MCAP with {MAGIC!r}"
+            what = f"begins with {begin!r}, an MCAP file with {MAGIC!r}"
         raise RecordError(f"{self.path}: not an MCAP file: {what}; {_NAME_A_RECORD}")
 
     def _summary(self, file: IO[bytes]) -> Iterator[Channel]:
@@ -224,7 +224,7 @@ class McapRecords:
             if frame.opcode in _READ:
                 yield from self._content(frame, file.read(frame.length))
             elif _LAST_KNOWN < frame.opcode < _FIRST_PRIVATE:
-                what = f"a record of unknown kind {frame.opcode}, passed over"
+                what = f"a record of unknown kind {frame.opcode}, skipped"
                 self.damage.append(Damage(frame.begin, what))
 
     def _frame(self, file: IO[bytes], at: int) -> _Frame | None:
@@ -336,7 +336,7 @@ def _inner(data: bytes) -> Iterator[tuple[int, bytes]]:
         opcode, length = _HEAD.unpack_from(data, at)
         at += _HEAD.size
         if length > len(data) - at:
-            raise ValueError(f"a record of {length} bytes in it, which are not there")
+            raise ValueError(f"holds a record of {length} bytes, more than it has")
         yield opcode, data[at : at + length]
         at += length
 

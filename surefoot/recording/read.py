@@ -145,7 +145,9 @@ class Record:
     @property
     def condition(self) -> str:
         """Whether the record is whole, cut off or damaged, and where; in words."""
-        cut = "cut off; all that is whole of it is told" if self.is_cut_off else "whole"
+        cut = (
+            "cut off; all complete messages are counted" if self.is_cut_off else "whole"
+        )
         if not self.damage:
             return cut
         told = "; ".join(map(str, self.damage[:TOLD_DAMAGES]))
@@ -250,8 +252,8 @@ def read_record(
         record.damage.append(Damage(0, what))
     if record.damage and not record.channels and not record.attachments:
         raise RecordError(
-            f"{path}: nothing in it can be read ({record.damage[0]}); there is no "
-            "record to be had from this file"
+            f"{path}: nothing in it can be read ({record.damage[0]}); the file "
+            "holds no usable record"
         )
     return record
 

@@ -76,8 +76,8 @@ def claim_file(path: Path, *, overwrite: bool = False) -> BinaryIO:
             fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
         if file.tell() and not overwrite:
             raise UsageError(
-                f"--out {path}: {partial} is what a command that was cut off left; "
-                "take it elsewhere, name another file, or overwrite it (--overwrite)"
+                f"--out {path}: {partial} was left by a command that was cut off; "
+                "move it away, name another file, or overwrite it (--overwrite)"
             )
     except BlockingIOError as error:
         file.close()
@@ -378,6 +378,6 @@ def _refuse_foreign(path: Path) -> None:
         is_ours = False
     if not is_ours:
         raise UsageError(
-            f"--out {path}: is there, and no record of surefoot; it is left as it is, "
-            "name another file"
+            f"--out {path}: exists and is no record of surefoot, so it is kept; name "
+            "another file"
         )

@@ -278,8 +278,8 @@ def find_meshes(draft: Draft, package_dirs: Sequence[Path]) -> None:
     if lost:
         draft.note(
             "left to you",
-            f"{len(lost)} meshes are not there and were left out, {lost[0]} for one; "
-            "say where packages are with --package-dir",
+            f"{len(lost)} meshes are not there and were left out, such as {lost[0]}; "
+            "name their folder with --package-dir",
         )
 
 

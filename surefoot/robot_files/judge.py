@@ -99,7 +99,7 @@ def _trunk(model: RobotModel) -> Finding:
     return _finding(
         "trunk",
         f"both legs hang on {shared}" if shared else "each leg hangs on the base",
-        advice="what is above would lean, since the base alone is held upright; fix "
+        advice="links above them would lean: only the base is held upright; fix "
         f"{shared}, as new-robot does"
         if shared
         else "",
@@ -188,7 +188,7 @@ def _mass(standing: Standing, robot: Robot) -> Finding:
     return _finding(
         "mass",
         f"{standing.mass:.1f} kg, {robot.n_a} joints, CoM {standing.com[2]:.3f} m "
-        "above the soles; every inertia is one that a body can have",
+        "above the soles; all inertias are possible",
         values={"mass_kg": standing.mass, "com_height_m": float(standing.com[2])},
     )
 
@@ -202,7 +202,7 @@ def _plates(standing: Standing, robot: Robot) -> Finding:
             "the URDF, below ft_link"
         )
     elif max(left, right) > HEAVY_PLATE_SHARE * standing.mass:
-        advice = "that is more than a foot weighs; is ft_link the one below the sensor?"
+        advice = "too heavy for a foot; is ft_link the link below the sensor?"
     elif abs(left - right) > 0.1 * max(left, right):
         advice = "left and right differ; do both ft_link name the same place?"
     return _finding(
@@ -349,7 +349,7 @@ def one_foot_finding(share: float) -> Finding:
     return _finding(
         "one foot",
         f"to carry the robot alone a knee needs {100.0 * share:.0f} % of its torque",
-        advice="it cannot walk so, nor stand when a foot lifts; bend the knees less "
+        advice="it can neither walk nor stand on one foot; bend the knees less "
         "(surefoot new-robot --rise), or check torque_limit_nm"
         if share > ONE_FOOT_SHARE
         else "",

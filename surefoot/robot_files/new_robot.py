@@ -368,13 +368,13 @@ def _note_soles(draft: Draft, feet: tuple[FoundFoot, FoundFoot]) -> None:
     if max(max(pair) / min(pair) for pair in pairs) > UNLIKE:
         draft.note(
             "left to you",
-            "the soles differ in size: are both feet's shapes what touches the ground?",
+            "the soles differ in size: do the shapes of both feet touch the ground?",
         )
     if min(*left, *right) < 0.5 * NARROW_M:
         draft.note(
             "left to you",
-            f"a sole is narrower than {1e3 * NARROW_M:.0f} mm: is its shape what "
-            "touches the ground?",
+            f"a sole is narrower than {1e3 * NARROW_M:.0f} mm: does its shape "
+            "touch the ground?",
         )
 
 

@@ -32,22 +32,22 @@ profile = "ideal"
 
 [servo.profiles.ideal]
 velocity_limit_rad_s = 12.0  # guessed
-lag_s = 0.0  # guessed; the time by which a slow sine of the joint comes late
+lag_s = 0.0  # guessed; delay of a slow sine motion of the joint
 
-# The same of slow drives, as behind harmonic gears: --servo-profile harmonic.
+# Slow drives, as with harmonic gears: --servo-profile harmonic.
 [servo.profiles.harmonic]
 velocity_limit_rad_s = 3.1  # guessed
 lag_s = 0.02  # guessed
 
-# What the robot refuses, whoever asks.
+# Limits of the commands that the robot accepts.
 """
 _GATE = """[gate]
 step_limit_rad = {step}
 hold_after_s = {hold}
 fault_after_s = 1.0
 
-# Their order is the order of every array on the bus. kp, kd, damping: the servo's law,
-# as its maker or a step response tells. armature: the rotor's inertia times the gear
+# Arrays on the bus have the joints in this order. kp, kd and damping are the servo's,
+# from its maker or a step response. armature is the rotor's inertia times the gear
 # ratio squared.
 """
 
@@ -326,7 +326,7 @@ def robot_text(
     return "".join(
         (
             f"# Made from {source} by surefoot new-robot. Units are in the key names;\n"
-            "# a number marked as guessed is to be replaced by a measured one.\n",
+            "# replace numbers that are marked as guessed by measured ones.\n",
             head,
             soles,
             _SERVO,
