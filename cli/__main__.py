@@ -11,28 +11,28 @@ from types import FrameType
 from surefoot.errors import ERROR_PREFIX, ExitCode, exit_code_of, foreseen
 from surefoot.schemas.reasons import SIGNALS
 
-# 34 x 34 algebra is slower with threads, and its tail far worse. Read when numpy
-# and its libraries load, so it must stand before any of them.
+# 34 x 34 algebra is slower with threads, and its slowest ticks are much slower. The
+# variables are read when numpy and its libraries load, so this must come first.
 for _variable in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"):
     os.environ.setdefault(_variable, "1")
 if not os.environ.get("COLUMNS", "1").strip("0"):
-    del os.environ["COLUMNS"]  # no width is said; rich would show tables without one
+    del os.environ["COLUMNS"]  # zero is no width: rich would print empty tables
 
 
 def main() -> None:
-    """Run the command line; the exit code is the one of :class:`ExitCode`."""
+    """Run the command line; exits with a code of :class:`ExitCode`."""
     interruption = _Interruption()
     try:
         from surefoot.cli.app import app
 
         app(prog_name="surefoot")
     except (Exception, KeyboardInterrupt) as error:
-        # The one place where errors become exit codes; unforeseen ones go on as
-        # they are, with their traceback and code 1.
+        # The one place where errors become exit codes. An unexpected error keeps its
+        # traceback and exits with code 1.
         told = foreseen(error)
         code = exit_code_of(told)
         if interruption.has_come:
-            # A library that is loading may make any error of it.
+            # A library that was loading may have turned the signal into any error.
             code = ExitCode.INTERRUPTED
         if code is None:
             raise
@@ -41,35 +41,35 @@ def main() -> None:
 
             print_error(told)
         sys.exit(code)
-    finally:  # typer makes an exit of a KeyboardInterrupt, without a word
+    finally:  # typer turns a KeyboardInterrupt into an exit, without a message
         interruption.tell()
 
 
 class _Interruption:
-    """Ends a command on a signal that asks for it; everything is closed on the way.
+    """Ends a command on a signal, such that everything is closed on the way out.
 
     Attributes:
-        has_come: whether one of them did.
-        by: which, for a message; empty when none did.
+        has_come: whether a signal has arrived.
+        by: the signal, in words for a message; empty when none has arrived.
     """
 
     def __init__(self) -> None:
-        """Begin to watch; a node that runs has handlers of its own meanwhile."""
+        """Install the handlers; a running node replaces them by its own meanwhile."""
         self.has_come = False
         self.by = ""
         for number in SIGNALS:
             signal.signal(number, self._come)
 
     def tell(self) -> None:
-        """Say which signal has ended the command; nothing when none did.
+        """Say which signal has ended the command, if one has.
 
-        Plainly: what prints in colours may be what was being loaded.
+        Uses no colours: the library for them may have been loading.
         """
         if self.has_come:
-            # One that came while a text was executed, as dataclasses do when they are
-            # made, is kept in mind, and ends Python by the signal; this forgets it.
+            # A signal that arrives while ``exec`` runs, as dataclasses use it, stays
+            # pending in Python and would end it later; another ``exec`` clears it.
             exec("")
-            with suppress(OSError):  # a terminal that has closed hears nothing
+            with suppress(OSError):  # the terminal may be closed
                 sys.stderr.write(f"{ERROR_PREFIX} interrupted{self.by}\n")
                 sys.stderr.flush()
 

@@ -1,4 +1,4 @@
-"""The commands of ``surefoot``; what they need is imported when they run."""
+"""The commands of ``surefoot``; each imports what it needs when it runs."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""``surefoot bench``: benchmarks that others measure robots and people by."""
+"""``surefoot bench``: published benchmarks for robots and people."""
 
 from __future__ import annotations
 
@@ -19,12 +19,13 @@ bench = typer.Typer(
     name="bench",
     cls=options.Group,
     no_args_is_help=True,
-    help="Measure a robot as others measure robots and people.",
+    help="Published benchmarks for robots and people.",
 )
 QuickOption = Annotated[
     bool,
     typer.Option(
-        "--quick", help="Some minutes of it: fewer cases, controllers and servos."
+        "--quick",
+        help="A short version of some minutes: fewer cases, controllers and servos.",
     ),
 ]
 ControllersOption = Annotated[
@@ -40,7 +41,7 @@ ServosOption = Annotated[
     typer.Option(
         "--servo-profile",
         metavar="NAMES",
-        help="Comma-separated, of the robot file; all it has when not given.",
+        help="Comma-separated profiles of the robot file; all of them when absent.",
     ),
 ]
 OutOption = Annotated[
@@ -48,7 +49,7 @@ OutOption = Annotated[
     typer.Option(
         "--out",
         metavar="DIR",
-        help="Folder of runs, page and YAML files; a former one goes on.",
+        help="Folder of runs, page and YAML files; an unfinished study is resumed.",
     ),
 ]
 
@@ -67,7 +68,7 @@ def comtest(
         str | None,
         typer.Option(
             metavar="NAMES",
-            help="Comma-separated: pitch, roll, x, y; all when not given.",
+            help="Comma-separated: pitch, roll, x, y; all when absent.",
         ),
     ] = None,
     sizes_deg: Annotated[
@@ -75,15 +76,19 @@ def comtest(
         typer.Option(
             "--sizes",
             metavar="DEG",
-            help="Comma-separated, from lowest to highest; 0.5 to 16 when not given. A "
-            "translation goes as far as such a tilt moves a stiff body.",
+            help="Comma-separated, ascending; 0.5 to 16 when absent. A translation "
+            "moves the ground as far as that tilt would move a stiff body.",
         ),
     ] = None,
     speed: Annotated[
-        float, typer.Option(help="Of the ternary sequence; 5 is five times as fast.")
+        float,
+        typer.Option(help="Speed of the ternary sequence; 5: five times as fast."),
     ] = 1.0,
     cycles: Annotated[
-        int, typer.Option(min=3, help="Of the ternary sequence; the first is left out.")
+        int,
+        typer.Option(
+            min=3, help="Cycles of the ternary sequence; the first is not evaluated."
+        ),
     ] = 3,
     robot: options.RobotOption = "walker",
     overrides: options.SetOption = None,
@@ -91,11 +96,12 @@ def comtest(
     scheduler: options.SchedulerOption = None,
     as_json: options.JsonOption = False,
 ) -> None:
-    """COMTEST: steps, sines and a ternary sequence of the ground, next to people.
+    """Run COMTEST: steps, sines and a ternary sequence of the ground.
 
-    Gain, phase and coherence at eleven frequencies with 95 % bands, the score D against
-    113 trials of people, figures of steps; OUT/index.html, comtest.json and EUROBENCH's
-    YAML files. Whole, it takes hours; ended early, it goes on where it was.
+    Compares the robot with people. Writes gain, phase and coherence at eleven
+    frequencies with 95 % bands, the score D against 113 trials of people, and figures
+    of steps, to OUT/index.html, comtest.json and EUROBENCH's YAML files. A full run
+    takes hours. The same command resumes an interrupted one.
     """
     from surefoot.bench import comtest as measure
     from surefoot.cli.console import count_bar
@@ -138,7 +144,7 @@ def dysturbance(
         typer.Option(
             "--directions",
             metavar="DEG",
-            help="Comma-separated: 0 ahead, 90 left; 0,180,90 when not given.",
+            help="Comma-separated: 0 ahead, 90 left; 0,180,90 when absent.",
         ),
     ] = None,
     frequencies_hz: Annotated[
@@ -146,12 +152,12 @@ def dysturbance(
         typer.Option(
             "--frequencies",
             metavar="HZ",
-            help="Of the sines, comma-separated; 0.5,1,2,4 when not given.",
+            help="Frequencies of the sines, comma-separated; 0.5,1,2,4 when absent.",
         ),
     ] = None,
     body: Annotated[
         str | None,
-        typer.Option(metavar="LINK", help="What is pushed; the base when not given."),
+        typer.Option(metavar="LINK", help="Link that is pushed; the base when absent."),
     ] = None,
     robot: options.RobotOption = "walker",
     overrides: options.SetOption = None,
@@ -159,11 +165,12 @@ def dysturbance(
     scheduler: options.SchedulerOption = None,
     as_json: options.JsonOption = False,
 ) -> None:
-    """DYSTURBANCE: the largest strikes, swings and slow pushes that a robot stands.
+    """Run DYSTURBANCE: find the largest pushes that the robot stands.
 
-    Margins by halving, to within 2 %, energy taken up and equivalent impedance, put in
-    proportion to a person so that robots compare; OUT/index.html, dysturbance.json and
-    EUROBENCH's YAML files. Whole, it takes hours; ended early, it goes on where it was.
+    The pushes are impulses, sines and slow ones. Each margin is found by bisection to
+    within 2 %. Absorbed energy and equivalent impedance are scaled to a person, so that
+    robots can be compared. Writes OUT/index.html, dysturbance.json and EUROBENCH's YAML
+    files. A full run takes hours. The same command resumes an interrupted one.
     """
     from surefoot.bench import dysturbance as measure
     from surefoot.cli.console import count_bar
@@ -198,10 +205,10 @@ def _show(found: Findings[Any], *, as_json: bool) -> None:
 
 
 def _numbers(text: str | None, *, option: str) -> list[float] | None:
-    """Read a list of numbers.
+    """Read a comma-separated list of numbers; None stays None.
 
     Raises:
-        UsageError: it is none.
+        UsageError: the text is no such list.
     """
     from surefoot.errors import UsageError
 

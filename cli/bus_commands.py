@@ -1,4 +1,4 @@
-"""``surefoot topics``, ``echo`` and ``hz``: what is said on a bus, and when."""
+"""``surefoot topics``, ``echo`` and ``hz``: messages of a bus and their timing."""
 
 from __future__ import annotations
 
@@ -20,7 +20,9 @@ if TYPE_CHECKING:
 SILENT_S = 3.0
 """Silence after which a channel is reported as silent [s]."""
 _TAKE_S = 0.2
+"""Longest wait for messages before the robot is looked for again [s]."""
 PIPED_S = 5.0
+"""Time that ``hz`` measures for without a terminal [s]."""
 _REFRESH_S = 0.5
 _GATHER_S = 0.1
 
@@ -29,7 +31,10 @@ def topics(
     for_s: Annotated[
         float,
         typer.Option(
-            "--for", min=0.1, metavar="SECONDS", help="How long rates are measured."
+            "--for",
+            min=0.1,
+            metavar="SECONDS",
+            help="How long rates are measured for.",
         ),
     ] = 1.0,
     as_json: options.JsonOption = False,
@@ -39,10 +44,10 @@ def topics(
     endpoints: options.EndpointsOption = None,
     connect: options.ConnectOption = None,
 ) -> None:
-    """List the channels of a robot's bus: type, who speaks and listens, rate.
+    """List the channels of a robot's bus: type, publishers, subscribers, rate.
 
-    Keys that are no channel of this robot are listed too. Listens only. Exits with 4
-    when there is no robot, with 1 when the link to it was lost meanwhile.
+    Also lists keys that are no channel of this robot. This command only listens. Exits
+    with 4 when there is no robot, with 1 when the link to it was lost meanwhile.
     """
     from surefoot.cli.bus_topics import (
         list_topics,
@@ -67,7 +72,7 @@ def topics(
         print_table(topics_table(told))
         if told.unknown:
             print_table(unknown_table(told))
-        print_text(f"on the bus: {', '.join(told.processes) or 'nobody tells'}")
+        print_text(f"on the bus: {', '.join(told.processes) or 'unknown'}")
     for row in told.channels:
         if row.malformed:
             print_note(
@@ -75,18 +80,18 @@ def topics(
                 f"last: {row.malformed_reason}"
             )
     if not graph.is_told:
-        print_note(
-            "who publishes and subscribes is not told here: the access control of "
-            "the bus keeps it"
-        )
+        print_note("the access control of the bus hides who publishes and subscribes")
     tell_absences(listener.absences)
 
 
 def _hear(listener: Listener, for_s: float) -> tuple[list[RawMessage], float]:
-    """Return all that is heard from the first message on, at most ``for_s`` long."""
+    """Return all messages from the first one on, with the time listened [s].
+
+    That time is at most ``for_s``.
+    """
     import time
 
-    # The robot begins to send once it knows of us, some milliseconds from now.
+    # The robot begins to send some milliseconds from now, when it knows of us.
     heard = listener.take(timeout_s=for_s)
     begin = time.monotonic()
     end = begin + for_s
@@ -99,25 +104,31 @@ def echo(
     channel: Annotated[
         str,
         typer.Argument(
-            help="Name from surefoot topics, or a key.",
+            help="A name from surefoot topics, or a key.",
             autocompletion=complete_channel,
         ),
     ],
     fields: Annotated[
         list[str] | None,
         typer.Option(
-            "--field", metavar="PATH", help="Only this, such as q.0. May be repeated."
+            "--field",
+            metavar="PATH",
+            help="Show only this field, such as q.0. May be repeated.",
         ),
     ] = None,
     count: Annotated[
-        int | None, typer.Option("--count", min=1, help="End after so many messages.")
+        int | None,
+        typer.Option("--count", min=1, help="End after this many messages."),
     ] = None,
     rate_hz: Annotated[
         float | None,
-        typer.Option("--rate", min=0.001, metavar="HZ", help="Show at most so many."),
+        typer.Option(
+            "--rate", min=0.001, metavar="HZ", help="Show at most this many per second."
+        ),
     ] = None,
     as_json: Annotated[
-        bool, typer.Option("--json", help="Print one JSON object a message and line.")
+        bool,
+        typer.Option("--json", help="Print each message as one line of JSON."),
     ] = False,
     robot: options.RobotOption = "walker",
     servo_profile: options.ServoOption = None,
@@ -127,9 +138,9 @@ def echo(
 ) -> None:
     """Print the messages of a channel, until the robot leaves or Ctrl-C.
 
-    Listens only. A malformed message is shown as such, with the reason. Exits with 4
-    when there is no robot, or it leaves before --count messages, with 1 when the link
-    to it was lost meanwhile.
+    This command only listens. A malformed message is shown as such, with the reason.
+    Exits with 4 when there is no robot, or when it leaves before --count messages, and
+    with 1 when the link to it was lost meanwhile.
     """
     from surefoot.cli.bus_messages import Echo, check_fields
     from surefoot.cli.bus_topics import find_channel, tell_absences
@@ -165,7 +176,7 @@ def _show(listener: Listener, shown: Echo, entry: Topic, *, count: int | None) -
     said_since = time.monotonic()
     is_told = False
     while True:
-        has_left = listener.has_left()  # asked first: then what it said last is heard
+        has_left = listener.has_left()  # before taking: its last messages count
         for heard in listener.take(timeout_s=_TAKE_S):
             said_since = time.monotonic()
             for line in shown.lines(heard):
@@ -177,8 +188,8 @@ def _show(listener: Listener, shown: Echo, entry: Topic, *, count: int | None) -
         if not is_told and time.monotonic() - said_since > SILENT_S:
             is_told = True
             print_note(
-                f"nothing on {entry.name} for {SILENT_S:g} s (it speaks {entry.rate}); "
-                "surefoot topics tells who publishes; Ctrl-C ends"
+                f"nothing on {entry.name} for {SILENT_S:g} s (its rate: {entry.rate}); "
+                "surefoot topics shows who publishes; Ctrl-C ends"
             )
 
 
@@ -186,7 +197,7 @@ def hz(
     channels: Annotated[
         list[str] | None,
         typer.Argument(
-            help="Names from surefoot topics, or keys; all when left out.",
+            help="Names from surefoot topics, or keys; all when absent.",
             autocompletion=complete_channel,
         ),
     ] = None,
@@ -196,7 +207,8 @@ def hz(
             "--for",
             min=0.1,
             metavar="SECONDS",
-            help=f"How long; on a terminal until Ctrl-C, otherwise {PIPED_S:g} s.",
+            help="How long to measure. Without it: until Ctrl-C on a terminal, "
+            f"{PIPED_S:g} s otherwise.",
         ),
     ] = None,
     window_s: Annotated[
@@ -205,7 +217,7 @@ def hz(
             "--window",
             min=0.1,
             metavar="SECONDS",
-            help="Rate, jitter and delay are over the last so many.",
+            help="Rate, jitter and delay are taken over the last so many seconds.",
         ),
     ] = 10.0,
     as_json: options.JsonOption = False,
@@ -217,9 +229,9 @@ def hz(
 ) -> None:
     """Measure rate, jitter, gaps and delay of channels.
 
-    On a terminal the table is renewed twice a second. Listens only; ends also when
-    the robot leaves. Exits with 4 when there is no robot, with 1 when the link to it
-    was lost meanwhile, with 130 after Ctrl-C, which leaves the last table.
+    On a terminal the table is updated twice a second. This command only listens, and
+    ends when the robot leaves. Exits with 4 when there is no robot, with 1 when the
+    link to it was lost meanwhile, with 130 after Ctrl-C, which leaves the last table.
     """
     from surefoot.cli.bus_messages import TimingMeter, hz_table
     from surefoot.cli.bus_topics import find_channel, tell_absences
@@ -232,7 +244,7 @@ def hz(
 
     model, meeting = options.dialed(robot, servo_profile, endpoints, connect)
     chosen = [find_channel(text, model) for text in channels or []] or PUBLISHED
-    has_delay = all(map(is_local, dialed(meeting)))  # only then clocks are one
+    has_delay = all(map(is_local, dialed(meeting)))  # clocks agree on one host only
     meters = {
         f"{model.file.namespace}/{model.keys[entry.name]}": TimingMeter(
             entry.name,
@@ -261,13 +273,11 @@ def hz(
     else:
         print_table(hz_table(timings))
         if not has_delay:
-            print_note(
-                "no delay: stamps are of the robot's clock, which is another host's"
-            )
+            print_note("no delay: the stamps are of another host's clock")
     if listener.lost:
         print_note(
-            f"{listener.lost} messages came faster than they were read here, and are "
-            "among the gaps"
+            f"{listener.lost} messages came faster than this command reads, and "
+            "count among the gaps"
         )
     if stop.is_set:
         raise typer.Exit(ExitCode.INTERRUPTED)
@@ -282,7 +292,7 @@ def _measure(
     for_s: float | None,
     show: Callable[[Iterable[ChannelTiming]], None] | None,
 ) -> list[ChannelTiming]:
-    """Listen until the time is over, somebody asks to stop or the robot leaves."""
+    """Listen until the time is over, a stop is requested or the robot leaves."""
     import time
 
     begin = time.monotonic()

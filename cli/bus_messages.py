@@ -1,4 +1,4 @@
-"""Messages of a bus, in words, and how regularly they come."""
+"""Messages of a bus as text, and statistics of their timing."""
 
 from __future__ import annotations
 
@@ -27,8 +27,9 @@ from surefoot.schemas.validation import nearest
 _DIGITS = ".6g"
 _HEADER = ("schema", "tick", "stamp_ns")
 RESTART_TICKS = 1000
-"""A tick so far behind is another run of the robot, not a late message."""
+"""A tick this far behind the newest belongs to a new run, not to a late message."""
 _FINE_MS, _COARSE_MS = 10.0, 100.0
+"""Below these, two digits and one digit after the point are shown [ms]."""
 _HEADINGS = (
     "Hz",
     *("jitter\nmedian", "(ms)\np99", "\nmax"),
@@ -38,10 +39,10 @@ _HEADINGS = (
 
 
 def check_fields(paths: Iterable[str], kind: type[msgspec.Struct]) -> None:
-    """Refuse paths whose first part is no field of the message.
+    """Refuse paths whose first part is not a field of the message.
 
     Raises:
-        UsageError: with the nearest valid name.
+        UsageError: a path is wrong; names the nearest valid field.
     """
     names = [field.encode_name for field in msgspec.structs.fields(kind)]
     for path in paths:
@@ -54,10 +55,10 @@ def check_fields(paths: Iterable[str], kind: type[msgspec.Struct]) -> None:
 
 
 def pick(message: Any, path: str) -> Any:
-    """Return the value at a path of a message, as built-in types.
+    """Return the value at a path of a message, of built-in types.
 
     Raises:
-        UsageError: this message has nothing there.
+        UsageError: the message has nothing at this path.
     """
     value = message
     for part in path.split("."):
@@ -95,7 +96,7 @@ def field_lines(fields: dict[str, Any]) -> list[str]:
 
 
 def text_of(value: Any) -> str:
-    """Return a value in few digits."""
+    """Return a value as text, floats with six significant digits."""
     if isinstance(value, bool):
         return "yes" if value else "no"
     if isinstance(value, float):
@@ -108,7 +109,11 @@ def text_of(value: Any) -> str:
 
 
 class Echo:
-    """Shows messages of one channel."""
+    """Formats messages of one channel.
+
+    Attributes:
+        count: messages shown so far.
+    """
 
     def __init__(
         self,
@@ -119,7 +124,7 @@ class Echo:
         rate_hz: float | None,
         as_json: bool,
     ) -> None:
-        """Keep what to show."""
+        """Store what to show: all fields if empty, all messages if the rate is None."""
         self.count = 0
         self._topic, self._joint_count = topic, joint_count
         self._fields = list(fields)
@@ -128,7 +133,7 @@ class Echo:
         self._as_json = as_json
 
     def lines(self, heard: RawMessage) -> list[str]:
-        """Return lines to print for a message; none when it is passed over.
+        """Return the lines to print for a message; none when the rate skips it.
 
         Raises:
             UsageError: the message has no such field.
@@ -168,7 +173,7 @@ def _json(value: dict[str, Any]) -> str:
 class ChannelTiming(msgspec.Struct, kw_only=True):
     """One line of ``surefoot hz``.
 
-    Rate, jitter and delay are over the last seconds (the window), counts over all.
+    Rate, jitter and delay are taken over the window, the counts over everything heard.
     """
 
     channel: str
@@ -178,11 +183,11 @@ class ChannelTiming(msgspec.Struct, kw_only=True):
     period_ms: float | None
     """Median time between two messages."""
     jitter_ms: Distribution | None
-    """By how much the times between messages depart from that median."""
+    """Absolute deviation of the times between messages from that median."""
     delay_ms: Distribution | None
-    """From the sender's stamp to receipt; None when their clocks are two."""
+    """From the sender's stamp to receipt; None when their clocks differ."""
     gaps: int | None
-    """Ticks passed over; None for a channel that does not speak every tick."""
+    """Missing ticks; None for a channel that does not publish every tick."""
     duplicates: int | None
     out_of_order: int | None
     restarts: int | None
@@ -190,18 +195,18 @@ class ChannelTiming(msgspec.Struct, kw_only=True):
 
 
 class TimingMeter:
-    """Takes in the messages of one channel."""
+    """Collects the timing of one channel's messages."""
 
     def __init__(
         self, channel: str, *, every_tick: bool, window_s: float, has_delay: bool
     ) -> None:
-        """Start with nothing.
+        """Start empty.
 
         Args:
-            channel: its name.
-            every_tick: it speaks every tick, so ticks can be missing.
-            window_s: what rate, jitter and delay are taken over [s].
-            has_delay: stamps are of the same clock as receipts.
+            channel: name of the channel.
+            every_tick: the channel publishes every tick, so ticks can be missing.
+            window_s: time over which rate, jitter and delay are taken [s].
+            has_delay: stamps and receipts use the same clock.
         """
         self._channel, self._every_tick = channel, every_tick
         self._window_ns = round(window_s * NS_PER_S)
@@ -212,7 +217,7 @@ class TimingMeter:
         self._gaps = self._duplicates = self._late = self._restarts = 0
 
     def add(self, data: bytes, *, received_ns: int) -> None:
-        """Take in a message, whole or not."""
+        """Count a message, malformed or not."""
         self._messages += 1
         try:
             head = decode_head(data)
@@ -225,7 +230,7 @@ class TimingMeter:
             self._count(head.tick)
 
     def timing(self, now_ns: int) -> ChannelTiming:
-        """Summarise the channel at a time of the monotonic clock."""
+        """Summarise the channel at a time of the monotonic clock [ns]."""
         self._forget_before(now_ns - self._window_ns)
         received = [time for time, _ in self._recent]
         periods = [(b - a) / NS_PER_MS for a, b in pairwise(received)]
@@ -294,7 +299,7 @@ def _times(times: Distribution | None) -> tuple[str, str, str]:
 
 
 def _ms(value: float) -> str:
-    """Format milliseconds with the digits of interest, in four or five characters."""
+    """Format milliseconds with three significant digits, in four or five characters."""
     if abs(value) < _FINE_MS:
         return f"{value:.2f}"
     return f"{value:.1f}" if abs(value) < _COARSE_MS else f"{value:.0f}"

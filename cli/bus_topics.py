@@ -1,4 +1,4 @@
-"""Who publishes, subscribes and answers on a bus, as a table."""
+"""A table of who publishes, subscribes and answers on a bus."""
 
 from __future__ import annotations
 
@@ -25,12 +25,12 @@ if TYPE_CHECKING:
 
 
 class KeyRow(msgspec.Struct, kw_only=True):
-    """A key of the bus, as it was heard."""
+    """A key of the bus and what was heard on it."""
 
     key: str
-    """On the wire, with the namespace."""
+    """With the namespace, as it is on the bus."""
     publishers: list[str] | None
-    """Who may publish, or who answers a service; None if unknown."""
+    """Who may publish, or who answers a service; None where access control hides it."""
     subscribers: list[str] | None
     messages: int
     rate_hz: float
@@ -46,7 +46,7 @@ class TopicRow(KeyRow, kw_only=True):
     direction: str
     malformed: int
     malformed_reason: str
-    """Of the last one."""
+    """Why the last malformed message is malformed; empty without one."""
 
 
 class Topics(msgspec.Struct, kw_only=True):
@@ -55,7 +55,7 @@ class Topics(msgspec.Struct, kw_only=True):
     robot: str
     listened_s: float
     processes: list[str]
-    """Everyone on the bus but this command."""
+    """Everyone on the bus except this command."""
     channels: list[TopicRow]
     unknown: list[KeyRow]
     """Keys that are no channel of this robot."""
@@ -64,7 +64,7 @@ class Topics(msgspec.Struct, kw_only=True):
 def list_topics(
     robot: Robot, heard: Iterable[RawMessage], graph: BusGraph, *, listened_s: float
 ) -> Topics:
-    """Sort what was heard by channel."""
+    """Sort the messages that were heard by channel."""
     messages: dict[str, list[bytes]] = defaultdict(list)
     for one in heard:
         messages[one.key].append(one.data)
@@ -138,7 +138,7 @@ def _malformed(
 def _seen(
     graph: BusGraph, key: str, payloads: list[bytes], *, listened_s: float
 ) -> dict[str, Any]:
-    """The fields of a :class:`KeyRow`."""
+    """Return the fields of a :class:`KeyRow`."""
     size = sum(map(len, payloads))
     return {
         "key": key,
@@ -178,7 +178,7 @@ def _table(title: str, *first: str) -> Table:
 
 
 def _heard(row: KeyRow) -> tuple[str, ...]:
-    """From whom, by whom, how often, how long: what is known of any key."""
+    """Return the cells that all keys have: from, heard by, rate, mean size."""
     return (
         _names(row.publishers),
         _names(row.subscribers),
@@ -188,7 +188,7 @@ def _heard(row: KeyRow) -> tuple[str, ...]:
 
 
 def _names(names: list[str] | None) -> str:
-    """Return how many there are of each kind; the names stand under the table."""
+    """Return the kinds of processes; their names are printed below the table."""
     if names is None:
         return "?"
     kinds = dict.fromkeys(name.split()[0] for name in names)
@@ -196,14 +196,14 @@ def _names(names: list[str] | None) -> str:
 
 
 def find_channel(text: str, robot: Robot) -> Topic:
-    """Find a channel that carries messages.
+    """Find a channel that is published on.
 
     Args:
-        text: name of the topic table, or key with or without the namespace.
-        robot: names the keys.
+        text: name in the topic table, or key with or without the namespace.
+        robot: defines the keys.
 
     Raises:
-        UsageError: no such channel, with the nearest name; or it is a service.
+        UsageError: there is no such channel, or it is a service.
     """
     there = f"channels are {', '.join(ALL_CHANNELS)}"
     wanted = text.strip("/").removeprefix(f"{robot.file.namespace}/")
@@ -211,8 +211,8 @@ def find_channel(text: str, robot: Robot) -> Topic:
         if wanted in (entry.name, robot.keys[entry.name]):
             if entry.direction in SERVICES:
                 raise UsageError(
-                    f"{entry.name} is a {entry.direction}: it is asked and answers, "
-                    f"there is nothing to listen to; {there}"
+                    f"{entry.name} is a {entry.direction}: it answers requests and "
+                    f"publishes nothing; {there}"
                 )
             return entry
     keys = {robot.keys[entry.name]: entry.name for entry in PUBLISHED}
@@ -222,13 +222,13 @@ def find_channel(text: str, robot: Robot) -> Topic:
 
 
 def tell_absences(absences: Absences) -> None:
-    """Say when the robot was away.
+    """Report when the link to the robot was lost.
 
     Raises:
-        Exit: with code 1, when it was away: what was told is not all.
+        Exit: with code 1 if it was lost: the output is incomplete.
     """
     from surefoot.cli.console import print_note
 
     if absences.times:
-        print_note(f"{absences}; what came meanwhile is missing here")
+        print_note(f"{absences}; messages of that time are missing here")
         raise typer.Exit(ExitCode.FAILED)

@@ -22,10 +22,10 @@ from surefoot.installation import install_command
 from surefoot.out_folder import json_bytes
 
 REFRESH_HZ = 4.0
-"""Slow enough not to take a processor from the two that compute."""
+"""Low, since robot and stabilizer need the processor."""
 
 WIDE = 200
-"""Columns in a pipe or a file, which have no width of their own."""
+"""Columns where output goes to a pipe or a file, which has no width of its own."""
 
 
 PLAIN: dict[str, Any] = {"markup": False, "emoji": False}
@@ -44,26 +44,26 @@ _stderr = Console(stderr=True, **PLAIN)
 
 
 def print_error(error: BaseException) -> None:
-    """Say what went wrong; the message itself, without decoration or traceback."""
+    """Print an error's message to stderr, without a traceback."""
     _stderr.print(ERROR_PREFIX, style="bold red", end=" ")
     _stderr.print(_words(error), highlight=False, soft_wrap=True)
 
 
 def print_note(text: str) -> None:
-    """Say something in passing, away from the result."""
+    """Print a remark to stderr, apart from the result."""
     _stderr.print(text, highlight=False, soft_wrap=True)
 
 
 class NoteHandler(logging.Handler):
-    """Shows what the library logs while a command runs, as notes."""
+    """Prints log records of the library as notes."""
 
     def emit(self, record: logging.LogRecord) -> None:
-        """Print one message."""
+        """Print one record."""
         print_note(self.format(record))
 
 
 def show_notes(logger: str) -> None:
-    """Show what one logger of the library says from now on."""
+    """Print what one logger of the library logs from now on."""
     log = logging.getLogger(logger)
     log.setLevel(logging.INFO)
     log.handlers[:] = [NoteHandler()]
@@ -78,7 +78,7 @@ def print_table(table: RenderableType) -> None:
 def new_table(
     title: str, *words: str, figures: Sequence[str] = (), boxed: bool = True
 ) -> Table:
-    """Return an empty table: columns of words at the left, of figures at the right."""
+    """Return an empty table: left-aligned text columns, then right-aligned figures."""
     table = Table(title=title, title_justify="left", pad_edge=boxed)
     if not boxed:
         table.box = None
@@ -121,10 +121,10 @@ def print_result(
 def progress_bar(
     title: str, *, ticks: int, period_s: float
 ) -> Iterator[Callable[[int], None]]:
-    """Show how far a run is, on a terminal only.
+    """Show the progress of a run; on a terminal only.
 
     Yields:
-        A function to be told the present tick.
+        A function that takes the present tick, counted from 0.
     """
     with _bar(title, total=ticks, words="starting") as update:
 
@@ -138,10 +138,10 @@ def progress_bar(
 def count_bar(
     title: str, *, total: int, done: int, of: str = "runs"
 ) -> Iterator[Callable[[], None]]:
-    """Show how many of many things are done, and the time left, on a terminal only.
+    """Show how many of ``total`` are done and the time left; on a terminal only.
 
     Yields:
-        A function to be called after each.
+        A function to call after each one.
     """
     with _bar(title, total=total, words=f"{done} of {total} {of}") as update:
         update(done, f"{done} of {total} {of}")
@@ -156,7 +156,7 @@ def count_bar(
 
 @contextmanager
 def _bar(title: str, *, total: int, words: str) -> Iterator[Callable[[int, str], None]]:
-    """Show a bar on a terminal, nothing elsewhere; yields a function to update it."""
+    """Show a bar on a terminal only; yields a function that sets count and text."""
     bar = Progress(
         TextColumn("{task.description}", markup=False),
         BarColumn(),
@@ -176,10 +176,10 @@ def _bar(title: str, *, total: int, words: str) -> Iterator[Callable[[int, str],
 def live_table(
     *, enabled: bool = True
 ) -> Iterator[Callable[[RenderableType], None] | None]:
-    """Show a table that is updated in place, on a terminal only; gone at the end.
+    """Show a table that is updated in place and vanishes; on a terminal only.
 
     Yields:
-        A function to be given the present table; None where nobody would see it.
+        A function that takes the present table; None without a terminal.
     """
     if not enabled or not _stdout.is_terminal:
         yield None
@@ -189,7 +189,7 @@ def live_table(
 
 
 def _words(error: BaseException) -> str:
-    """Return an error's message; of a system error its text without the number."""
+    """Return an error's message; for a system error its text without the number."""
     if isinstance(error, ImportError):
         return f"{error}; {import_advice(error)}"
     if not isinstance(error, OSError) or type(error).__module__ != "builtins":

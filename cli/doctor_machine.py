@@ -1,6 +1,6 @@
-"""What ``surefoot doctor`` says of the machine, and the order in which it looks.
+"""The findings of ``surefoot doctor`` on the machine, and the order of all checks.
 
-What a check needs is imported in it: without a package the others still tell.
+Each check imports what it needs, so that others work when a package is missing.
 """
 
 from __future__ import annotations
@@ -28,8 +28,9 @@ from surefoot.cli.doctor_packages import (
 from surefoot.schemas.arrays import MS_PER_S
 
 RECORD_BYTES_PER_S = 4.6e6
-"""What a run in real time keeps at 1 kHz: 2.7 MB of messages, 1.9 MB of ticks."""
+"""Rate of a real-time run's files at 1 kHz: 2.7 MB/s messages, 1.9 MB/s ticks."""
 WANTED_S = 600.0
+"""Recording time below which the disk counts as too full [s]."""
 GL_TIMEOUT_S = 60.0
 SLOW_ROUND_TRIP_MS = 2.0
 _GL_BACKENDS = ("egl", "osmesa")
@@ -43,7 +44,7 @@ RT_PRIORITY = 50
 
 
 def examine() -> Iterator[Diagnosis]:
-    """Look at everything; a check that cannot be done is a finding of its own."""
+    """Run all checks; one that cannot be imported becomes a finding of its own."""
     from surefoot.cli.console import import_advice
 
     for name, check in _CHECKS.items():
@@ -61,7 +62,7 @@ def examine() -> Iterator[Diagnosis]:
 
 
 def check_processors() -> Diagnosis:
-    """Check how many processors this process may use, and how busy they are."""
+    """Check the number of processors for this process, and their load."""
     from joblib import cpu_count
 
     count, load = cpu_count(), os.getloadavg()[0]
@@ -74,20 +75,20 @@ def check_processors() -> Diagnosis:
             "robot and stabilizer share one: lockstep is slower, real time misses ticks"
             if few
             else "something else is computing: real-time runs miss ticks and timings "
-            "mean little; lockstep gives the same figures, later"
+            "are unreliable; lockstep runs give the same figures, only later"
         ),
     )
 
 
 def check_clock() -> Diagnosis:
-    """Measure how late a sleeping process is woken."""
+    """Measure how late a sleeping process wakes up."""
     from surefoot.robot_io.realtime import distribution_of
 
     late = []
     due = time.monotonic()
     for _ in range(JITTER_TICKS):
         due += TICK_S
-        time.sleep(max(0.0, due - time.monotonic()))  # how late it ends is the finding
+        time.sleep(max(0.0, due - time.monotonic()))  # measures how late it returns
         late.append(time.monotonic() - due)
         due = max(due, time.monotonic() - TICK_S)
     times = distribution_of([MS_PER_S * late_s for late_s in late])
@@ -96,13 +97,13 @@ def check_clock() -> Diagnosis:
         f"1 ms sleeps end late by {times.median:.2f} ms (median), "
         f"{times.p99:.2f} (p99), {times.max:.2f} (max)",
         bad=times.p99 > GOOD_JITTER_MS,
-        advice="of consequence with --realtime only: stop what else runs, use bare "
-        "metal rather than a virtual machine, and give real-time priority",
+        advice="matters with --realtime only: stop other programs, use bare metal "
+        "rather than a virtual machine, and give real-time priority",
     )
 
 
 def check_priority() -> Diagnosis:
-    """Check that processes may have real-time priority, by having it for a moment."""
+    """Check that processes may have real-time priority, by taking it for a moment."""
     from surefoot.robot_io.realtime import leave_priority, take_priority
 
     limit = getattr(resource, "RLIMIT_RTPRIO", None)
@@ -113,7 +114,7 @@ def check_priority() -> Diagnosis:
             bad=True,
             advice="simulate here; drive a robot from Linux",
         )
-    # The limit alone is not enough, since root has none.
+    # The limit alone does not tell, since root needs none.
     refusal = take_priority(RT_PRIORITY)
     leave_priority()
     soft, _ = resource.getrlimit(limit)
@@ -127,11 +128,11 @@ def check_priority() -> Diagnosis:
 
 
 def check_blas() -> Diagnosis:
-    """Check that linear algebra works in one thread."""
+    """Check that the BLAS library uses one thread."""
     import numpy as np
     from threadpoolctl import threadpool_info
 
-    np.linalg.cholesky(np.eye(2))  # loads what is to be asked
+    np.linalg.cholesky(np.eye(2))  # loads the library
     pools = [pool for pool in threadpool_info() if pool["user_api"] == "blas"]
     threads = max((int(pool["num_threads"]) for pool in pools), default=0)
     kinds = sorted({f"{pool['internal_api']} {pool['version']}" for pool in pools})
@@ -139,15 +140,15 @@ def check_blas() -> Diagnosis:
         "linear algebra",
         f"{', '.join(kinds)}, {threads} thread{'s' if threads != 1 else ''}"
         if pools
-        else "a library that does not tell its threads",
+        else "a library that does not report its threads",
         bad=threads > 1,
         advice="export OPENBLAS_NUM_THREADS=1 OMP_NUM_THREADS=1 (or unset them); more "
-        "threads only make a tick of small matrices slower",
+        "threads make a tick slower, since its matrices are small",
     )
 
 
 def check_bus() -> Diagnosis:
-    """Check that Zenoh works on loopback, and how quickly."""
+    """Check that Zenoh works on loopback, and measure its round trip."""
     from surefoot.robot_io.bus.bus import loopback_endpoints, measure_loopback
     from surefoot.robot_io.errors import RobotIoError
 
@@ -172,7 +173,7 @@ def check_bus() -> Diagnosis:
 
 
 def check_port() -> Diagnosis:
-    """Check that the port where the robot listens by default is free."""
+    """Check that the robot's default port is free."""
     from surefoot.schemas.endpoints import DEFAULT_LOCATOR
 
     host, port = DEFAULT_LOCATOR.removeprefix("tcp/").split(":")
@@ -185,14 +186,14 @@ def check_port() -> Diagnosis:
         "port",
         f"{host}:{port}: {busy}" if busy else f"{host}:{port} is free",
         bad=bool(busy),
-        advice="well if that is your robot (surefoot topics tells); otherwise stop who "
-        "listens there, or use --listen and --connect with another port. surefoot run "
-        "takes a free one by itself",
+        advice="fine if that is your robot (surefoot topics tells); otherwise stop the "
+        "program that listens there, or use --listen and --connect with another port. "
+        "surefoot run picks a free port by itself",
     )
 
 
 def check_disk() -> Diagnosis:
-    """Check the room for records in this folder."""
+    """Check how long a record the disk of this folder has room for."""
     from surefoot.recording.write import KEPT_FREE_BYTES
 
     free = shutil.disk_usage(Path.cwd()).free
@@ -225,7 +226,7 @@ def check_temporary_files() -> Diagnosis:
 
 
 def check_pictures() -> Diagnosis:
-    """Check that MuJoCo draws without a window."""
+    """Check that MuJoCo can draw without a window."""
     name, asked = "pictures (OpenGL)", os.environ.get("MUJOCO_GL")
     works = [
         backend
@@ -252,7 +253,7 @@ def check_pictures() -> Diagnosis:
 
 
 def _works(*words: str, **variables: str) -> bool:
-    """Try it in a process of its own: OpenGL may end the process it fails in."""
+    """Run Python with these words in a child process: OpenGL may crash it."""
     from surefoot.processes.child import child_environment
 
     try:
@@ -277,8 +278,8 @@ def check_browser() -> Diagnosis:
         "browser",
         found[0] if found else "none found",
         bad=not found,
-        advice="only for looking at pages on this machine; reports can be copied, the "
-        "live page reached through ssh -L 8080:127.0.0.1:8080",
+        advice="only needed to look at pages on this machine; reports can be copied, "
+        "and the live page reached through ssh -L 8080:127.0.0.1:8080",
     )
 
 
@@ -294,8 +295,8 @@ def check_margins() -> Iterator[Diagnosis]:
                 f"margins of {name}, {profile}",
                 "; ".join(found.in_words()),
                 bad=not found.is_enough,
-                advice="as it was made, and no fault of this machine; surefoot "
-                "margins tells more",
+                advice="this follows from the robot file, not from this machine; "
+                "surefoot margins tells more",
             )
 
 
@@ -316,4 +317,4 @@ _CHECKS: dict[str, Callable[[], Diagnosis | Iterable[Diagnosis]]] = {
     "browser": check_browser,
     "margins": check_margins,
 }
-"""In the order of the output; the name stands for a check that cannot be done."""
+"""In the order of the output; the key names a check whose import failed."""

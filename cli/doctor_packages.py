@@ -1,4 +1,4 @@
-"""What ``surefoot doctor`` says of Python and the packages, line by line."""
+"""The findings of ``surefoot doctor`` on Python and packages."""
 
 from __future__ import annotations
 
@@ -21,36 +21,36 @@ _EXTRAS = {
     "tune": ("optuna",),
     "cluster": ("distributed",),
 }
-"""Packages of each optional part."""
+"""Packages that each extra needs."""
 PINS = Path(__file__).resolve().parents[1] / "constraints.txt"
 _NAME = re.compile(r"[A-Za-z0-9._-]+")
 _EXTRA = re.compile(r"extra\s*==")
 
 
 class Severity(StrEnum):
-    """How much a finding matters."""
+    """How serious a finding is."""
 
     OK = "ok"
     WARN = "warn"
-    """Something works less well, or an option is not there."""
+    """Something works less well, or an option is missing."""
     FAIL = "FAIL"
     """A run would stop here."""
 
 
 class Diagnosis(msgspec.Struct, frozen=True, kw_only=True):
-    """What was looked at, what was found, and what to do about it."""
+    """One finding: what was checked, the result, and what to do."""
 
     name: str
     verdict: Severity
     got: str
     advice: str = ""
-    """What to do; empty when there is nothing to do."""
+    """What to do; empty when nothing is to be done."""
 
 
 def finding(
     name: str, got: str, *, bad: bool, advice: str, as_bad_as: Severity = Severity.WARN
 ) -> Diagnosis:
-    """Make a finding that has advice only if something is bad."""
+    """Make a finding; it is OK and has no advice unless something is bad."""
     if not bad:
         return Diagnosis(name=name, verdict=Severity.OK, got=got)
     return Diagnosis(name=name, verdict=as_bad_as, got=got, advice=advice)
@@ -68,7 +68,7 @@ def check_python() -> Diagnosis:
 
 
 def check_packages() -> list[Diagnosis]:
-    """Check packages: one line for all good ones, and one for each other."""
+    """Check packages: one finding for all that are as tested, one for each other."""
     pins = read_pins(PINS)
     found, others = [], []
     for name in required_packages():
@@ -92,7 +92,7 @@ def check_packages() -> list[Diagnosis]:
 
 
 def check_extras() -> list[Diagnosis]:
-    """Check the optional parts; each missing one comes with how to get it."""
+    """Check the extras; a missing one comes with the command that installs it."""
     findings = []
     for extra, packages in _EXTRAS.items():
         missing = [name for name in packages if installed_version(name) is None]
@@ -109,7 +109,7 @@ def check_extras() -> list[Diagnosis]:
 
 
 def check_msgpack() -> Diagnosis:
-    """Check that MessagePack has its compiled part."""
+    """Check that MessagePack has its compiled extension."""
     is_compiled = find_spec("msgpack._cmsgpack") is not None
     return finding(
         "MessagePack",
@@ -128,7 +128,7 @@ def required_packages() -> list[str]:
 
 
 def read_pins(path: Path) -> dict[str, str]:
-    """Read the versions of a constraints file by normalised name; empty without one."""
+    """Read a constraints file: version by normalised name; empty if there is none."""
     if not path.is_file():
         return {}
     lines = (line.strip() for line in path.read_text(encoding="utf-8").splitlines())

@@ -1,4 +1,4 @@
-"""``surefoot margins`` and ``tune``: what gains bear, and which are better."""
+"""``surefoot margins`` and ``tune``: stability margins, and search for settings."""
 
 from __future__ import annotations
 
@@ -31,15 +31,15 @@ def margins(
         typer.Option(
             "--delay",
             metavar="MS",
-            help="Delay of the loop, from a reading to the step its answer acts in; "
-            "one tick of the robot when absent.",
+            help="Delay of the loop, from a reading to the tick in which its command "
+            "acts; one tick of the robot when absent.",
         ),
     ] = None,
     as_json: options.JsonOption = False,
 ) -> None:
-    """Tell what the whole-body stabilizer bears on a robot: gain, phase, delay.
+    """Compute the whole-body stabilizer's gain, phase and delay margins.
 
-    Computed from robot file, servo profile and settings; nothing is simulated.
+    They follow from robot file, servo profile and settings; nothing is simulated.
     """
     from surefoot.cli.console import print_json, print_table, print_text
     from surefoot.controllers import compute_margins
@@ -97,13 +97,13 @@ def tune(
         typer.Option(
             "--params",
             metavar="SETTING=LOW:HIGH",
-            help="Setting to search, or one axis of it (dik.k_force.z); SETTING=A,B,C "
-            "for a choice, SETTING alone for as far as it allows. May be repeated.",
+            help="Setting to search, or one axis of it (dik.k_force.z). SETTING=A,B,C "
+            "is a choice; SETTING alone uses its full range. May be repeated.",
         ),
     ],
     trials: Annotated[
         int,
-        typer.Option("--trials", min=1, help="How many, former ones included."),
+        typer.Option("--trials", min=1, help="Number of trials, former ones included."),
     ] = 100,
     workers: Annotated[
         int,
@@ -117,16 +117,16 @@ def tune(
         typer.Option(
             "--storage",
             metavar="FILE",
-            help="Journal of the search; an old one goes on, and several commands may "
-            "work on one. DIR/trials.journal without this.",
+            help="Journal of the search; DIR/trials.journal when absent. An existing "
+            "one is continued, and several commands may share one.",
         ),
     ] = None,
     objectives: Annotated[
         str,
         typer.Option(
             "--objectives",
-            help="What to make small, comma-separated: com, com-max, force, peak, "
-            "tilt, effort, score (D of COMTEST), margin. To stay up is a constraint.",
+            help="Figures to minimise, comma-separated: com, com-max, force, peak, "
+            "tilt, effort, score (D of COMTEST), margin. The robot must stay up.",
         ),
     ] = "com,force",
     seeds: Annotated[
@@ -137,12 +137,12 @@ def tune(
         typer.Option(
             "--held-out",
             metavar="SCENARIO",
-            help="Scenario that only start and choice are run on, in the end. May be "
-            "repeated; those trained on, with other seeds, without this.",
+            help="Scenario to test start and result on at the end. May be repeated. "
+            "When absent: the training scenarios with other seeds.",
         ),
     ] = None,
     held_out_seeds: Annotated[
-        str | None, typer.Option("--held-out-seeds", help="As --seeds.")
+        str | None, typer.Option("--held-out-seeds", help="Same form as --seeds.")
     ] = None,
     sampler: Annotated[
         str, typer.Option("--sampler", help="tpe or nsga2.", rich_help_panel=_SEARCH)
@@ -151,7 +151,7 @@ def tune(
         int,
         typer.Option(
             "--sampler-seed",
-            help="The same makes the same search, with one worker.",
+            help="The same seed gives the same search, with one worker.",
             rich_help_panel=_SEARCH,
         ),
     ] = 0,
@@ -163,11 +163,11 @@ def tune(
     scheduler: options.SchedulerOption = None,
     as_json: options.JsonOption = False,
 ) -> None:
-    """Search settings that keep the robot up and make figures of its runs small.
+    """Search settings that keep the robot up and minimise figures of its runs.
 
-    Any process may be killed and the search goes on with the same command; no finished
-    trial is lost. In the end OUT holds settings.toml for --settings, index.html with
-    what can be had and what changed, and all trials.
+    Any process may be killed; the same command continues the search, and no finished
+    trial is lost. At the end OUT holds settings.toml for --settings, all trials, and
+    index.html with the trade-offs and the changes.
     """
     from surefoot.cli.console import count_bar, show_notes
     from surefoot.cli.study_commands import parse_seeds
@@ -207,13 +207,13 @@ def tune(
 
 
 def _tell(tuned: object, out: Path, *, as_json: bool) -> None:
-    """Print what came out; of a search that was broken off, as far as it came."""
+    """Print the result; of an interrupted search what it has found so far."""
     from surefoot.cli.console import print_json, print_note, print_text
     from surefoot.tuning.outcome import Tuned
     from surefoot.tuning.page import as_dict
 
     if not isinstance(tuned, Tuned):
-        print_note("no trial was finished; the same command goes on")
+        print_note("no trial has finished; the same command continues the search")
         return
     if as_json:
         print_json(as_dict(tuned))

@@ -1,4 +1,4 @@
-"""``surefoot check-robot``, ``tare`` and ``identify``: what a live robot does."""
+"""``surefoot check-robot``, ``tare`` and ``identify``: tests of a live robot."""
 
 from __future__ import annotations
 
@@ -28,16 +28,17 @@ def check_robot(
         typer.Option(
             "--only",
             metavar="SECTION",
-            help="Try only sensors, wiring, refusals or reactions, beside lease and "
-            "status. May be repeated.",
+            help="Run only this section: sensors, wiring, refusals or reactions; lease "
+            "and status always run. May be repeated.",
         ),
     ] = None,
     as_json: options.JsonOption = False,
 ) -> None:
-    """Try a live robot against what every driver must do; it stands on both feet.
+    """Check that a live robot's driver does what every driver must do.
 
-    Takes command, holds the posture and gives it back; no joint moves by more than
-    1 mrad. Exits with 1 when something failed, with 4 when there is no robot.
+    The robot must stand on both feet. The check takes command, holds the posture and
+    gives command back; no joint moves by more than 1 mrad. Exits with 1 when a check
+    failed, with 4 when there is no robot.
     """
     from surefoot.cli.console import print_result
     from surefoot.errors import UsageError
@@ -76,18 +77,21 @@ def tare(
     wait_s: options.WaitOption = 10.0,
     foot: Annotated[
         str,
-        typer.Option("--foot", metavar="left|right|both", help="What hangs free."),
+        typer.Option("--foot", metavar="left|right|both", help="Which feet hang free."),
     ] = "both",
     duration_s: Annotated[
         float,
-        typer.Option("--duration", min=0.1, metavar="S", help="How long to average."),
+        typer.Option(
+            "--duration", min=0.1, metavar="S", help="How long to average over."
+        ),
     ] = 2.0,
     as_json: options.JsonOption = False,
 ) -> None:
-    """Measure what the ankle sensors read while the feet hang free, and store it.
+    """Measure and store what the ankle sensors read while the feet hang free.
 
-    Beside the robot file, as NAME.tare.toml; the driver takes it off from its next
-    start on. Nothing is commanded. Exits with 2 when a foot stands or moves.
+    The offsets go to NAME.tare.toml beside the robot file. The driver subtracts them
+    from its next start on. Nothing is commanded. Exits with 2 when a foot stands or
+    moves.
     """
     from surefoot.cli.console import print_json, print_text
     from surefoot.errors import UsageError
@@ -127,30 +131,34 @@ def identify(
     servo_profile: options.ServoOption = None,
     inline: Annotated[
         bool,
-        typer.Option("--inline", help="A simulated robot in this process, no bus."),
+        typer.Option(
+            "--inline", help="Use a simulated robot in this process, without the bus."
+        ),
     ] = False,
     scenario: Annotated[
         str | None,
         typer.Option(
             "--scenario",
             metavar="SCENARIO",
-            help="What the simulated robot's sensors and drives are like.",
+            help="Scenario that defines the simulated robot's sensors and drives.",
         ),
     ] = None,
     joints: Annotated[
         list[str] | None,
-        typer.Option("--joint", metavar="NAME", help="Only this one. May be repeated."),
+        typer.Option(
+            "--joint", metavar="NAME", help="Move only this joint. May be repeated."
+        ),
     ] = None,
     amplitude: Annotated[
         float,
-        typer.Option("--amplitude", metavar="RAD", help="How far a joint is moved."),
+        typer.Option("--amplitude", metavar="RAD", help="How far each joint moves."),
     ] = 0.02,
     out: Annotated[
         Path | None,
         typer.Option(
             "--out",
             metavar="FILE",
-            help="The robot file to write; NAME-identified.toml when absent.",
+            help="Robot file to write; NAME-identified.toml when absent.",
         ),
     ] = None,
     overwrite: options.OverwriteOption = False,
@@ -160,11 +168,11 @@ def identify(
     connect: options.ConnectOption = None,
     as_json: options.JsonOption = False,
 ) -> None:
-    """Move a standing robot's joints a little, one by one; tell what its drives do.
+    """Identify a standing robot's drives by moving one joint after the other a little.
 
-    The robot stands on both feet on firm, level ground; nothing balances it meanwhile,
-    and no joint goes farther than the amplitude from its posture. Writes a robot
-    file that extends the robot's by the profile `identified`.
+    The robot stands on both feet on firm, level ground. Nothing balances it meanwhile,
+    and no joint goes farther than the amplitude from its posture. Writes a robot file
+    that extends the robot's own by the profile `identified`.
     """
     from msgspec import to_builtins
 

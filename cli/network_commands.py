@@ -1,4 +1,4 @@
-"""``surefoot router``, ``relay`` and ``certs``: between robot and stabilizer."""
+"""``surefoot router``, ``relay`` and ``certs``: links of robot and stabilizer."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from surefoot.errors import ExitCode
 if TYPE_CHECKING:
     from surefoot.schemas.endpoints import Endpoints
 LISTEN = "tcp/127.0.0.1:7448"
-"""Beside the robot's own default, which is where the relay dials."""
+"""Where the relay listens; it dials the robot at the robot's default locator."""
 
 
 def router(
@@ -23,9 +23,9 @@ def router(
     insecure: options.InsecureOption = False,
     child: options.ChildOption = False,
 ) -> None:
-    """Run a router; robot, stabilizer and others dial it.
+    """Run a router that robot, stabilizer and others dial.
 
-    With TLS it checks who may say what, as the robot does without a router.
+    With TLS it enforces who may publish what, as the robot does without a router.
     """
     from surefoot.processes.child import begin_process, log_note
     from surefoot.robot_io.bus.session import run_router
@@ -48,14 +48,14 @@ def relay(
     robot: options.RobotOption = "walker",
     servo_profile: options.ServoOption = None,
     seed: Annotated[
-        int, typer.Option("--seed", min=0, help="Seed of what is left to chance.")
+        int, typer.Option("--seed", min=0, help="Seed of the plan's random faults.")
     ] = 0,
     wait_s: options.WaitOption = 10.0,
     endpoints: options.EndpointsOption = None,
     listen: Annotated[
         list[str] | None,
         options.locators_option(
-            "--listen", f"The stabilizer dials here; {LISTEN} when not said otherwise."
+            "--listen", f"The stabilizer dials here; {LISTEN} when absent."
         ),
     ] = None,
     listen_endpoints: Annotated[
@@ -63,8 +63,8 @@ def relay(
         typer.Option(
             "--listen-endpoints",
             metavar="FILE",
-            help="Listen with this file instead, as the robot does; needed with TLS, "
-            "where --endpoints dials as the stabilizer.",
+            help="Endpoint file for listening, with the robot's identity; needed with "
+            "TLS, where --endpoints dials with the stabilizer's.",
             rich_help_panel="Bus",
         ),
     ] = None,
@@ -74,12 +74,12 @@ def relay(
     child: options.ChildOption = False,
     result_file: options.ResultFileOption = None,
 ) -> None:
-    """Lose, delay, reorder or corrupt what robot and stabilizer say to each other.
+    """Lose, delay, reorder or corrupt messages between robot and stabilizer.
 
-    Dials the robot, and listens for the stabilizer in its place, until Ctrl-C. Time in
-    the plan counts from the first joint command; before it everything passes. For real
-    time: in lockstep the robot waits two seconds for each command that is lost. Exits
-    with 4 when there is no robot, with 130 after Ctrl-C.
+    Dials the robot, and listens for the stabilizer in the robot's place, until Ctrl-C.
+    Time in the plan counts from the first joint command; before it all messages pass.
+    Meant for real time: in lockstep the robot waits two seconds for each lost command.
+    Exits with 4 when there is no robot, with 130 after Ctrl-C.
     """
     from surefoot.cli.console import print_result
     from surefoot.cli.summary import relay_table
@@ -130,7 +130,7 @@ def _both_sides(
     connect: list[str] | None,
     insecure: bool,
 ) -> tuple[Endpoints, Endpoints]:
-    """Return where it dials the robot and where it listens; they must differ."""
+    """Return endpoints to dial the robot and to listen at; they must differ."""
     from surefoot.errors import UsageError
     from surefoot.schemas.endpoints import choose_endpoints
 
@@ -164,7 +164,7 @@ def certs(
         typer.Option(
             "--host",
             metavar="NAME",
-            help="Name or address under which robot or router are dialed, besides "
+            help="Name or address at which robot or router are dialed, besides "
             "loopback. May be repeated.",
         ),
     ] = None,
@@ -174,7 +174,7 @@ def certs(
     renew: Annotated[
         bool,
         typer.Option(
-            "--renew", help="New certificates by the authority that is there already."
+            "--renew", help="Make new certificates with the existing authority."
         ),
     ] = False,
 ) -> None:

@@ -1,4 +1,4 @@
-"""Options that several commands share, and how a shell completes them."""
+"""Options that several commands share, and their completion in a shell."""
 
 from __future__ import annotations
 
@@ -21,9 +21,9 @@ if TYPE_CHECKING:
 
 _SUFFIX = ".toml"
 NARROW = 72
-"""Columns below which names of options would be cut in a table."""
+"""Columns below which a table of options would cut their names."""
 _HOME = re.compile(r"^(--[a-z-]+=|)(~[^/]*)")
-"""A word, or what is given to an option in it, that begins at a home folder."""
+"""A home folder (``~``) at the beginning of a word or of an option's value."""
 _WORDS = {"str": "TEXT", "path": "PATH", "int": "N", "int range": "N", "float": "X"}
 _BUS = "Bus"
 CONTROLLER = "Controller"
@@ -31,7 +31,7 @@ _TIMING = "Real time"
 
 
 def complete_scenario(incomplete: str) -> list[str]:
-    """Return shipped scenarios, and scenario files."""
+    """Return shipped scenarios and scenario files that begin like this."""
     from surefoot.sim_robot.catalogue import list_scenarios
 
     names = [name for name in list_scenarios() if name.startswith(incomplete)]
@@ -39,7 +39,7 @@ def complete_scenario(incomplete: str) -> list[str]:
 
 
 def complete_channel(incomplete: str) -> list[tuple[str, str]]:
-    """Return the channels that can be listened to, with what they carry."""
+    """Return channels that can be listened to, with their descriptions."""
     from surefoot.schemas.topics import PUBLISHED
 
     return [
@@ -50,7 +50,7 @@ def complete_channel(incomplete: str) -> list[tuple[str, str]]:
 
 
 def complete_robot(incomplete: str) -> list[str]:
-    """Return shipped robots, and robot files."""
+    """Return shipped robots and robot files that begin like this."""
     from surefoot.robot_io.robot import list_robots
 
     names = [name for name in list_robots() if name.startswith(incomplete)]
@@ -58,14 +58,14 @@ def complete_robot(incomplete: str) -> list[str]:
 
 
 def complete_controller(incomplete: str) -> list[str]:
-    """Return shipped and installed controllers."""
+    """Return shipped and installed controllers that begin like this."""
     from surefoot.stabilizer.factory import controller_names
 
     return [name for name in controller_names() if name.startswith(incomplete)]
 
 
 def complete_setting(incomplete: str) -> list[str]:
-    """Return settings that ``--set`` knows, up to the equals sign."""
+    """Return settings for ``--set`` that begin like this, with the equals sign."""
     from surefoot.schemas.settings import setting_names
 
     known = (f"{name}=" for name in setting_names())
@@ -73,7 +73,7 @@ def complete_setting(incomplete: str) -> list[str]:
 
 
 def _files(incomplete: str) -> list[str]:
-    """Return TOML files and folders that begin so; none of an unreadable folder."""
+    """Return TOML files and folders that begin like this; none if unreadable."""
     folder = Path(incomplete) if incomplete.endswith("/") else Path(incomplete).parent
     prefix = "" if str(folder) == "." and not incomplete.startswith("./") else folder
     try:
@@ -89,15 +89,15 @@ def _files(incomplete: str) -> list[str]:
 
 
 class _TerminalWords:
-    """Help that has the words of a terminal, not those of Python.
+    """Shows values in help as ``TEXT``, ``PATH`` or ``N``, not as Python types.
 
-    Stands before a class of Typer's, which a type checker cannot know.
+    A mixin that stands before a class of Typer's, which a type checker cannot know.
     """
 
     rich_markup_mode: Any
 
     def get_params(self, ctx: Any) -> list[Any]:
-        """All parameters, those without a word for their value given one."""
+        """Return all parameters; those without a word for their value get one."""
         params: list[Any] = super().get_params(ctx)  # type: ignore[misc]  # typer is untyped here
         for param in params:
             if isinstance(param, TyperArgument):
@@ -111,12 +111,12 @@ class _TerminalWords:
         return params
 
     def collect_usage_pieces(self, ctx: Any) -> list[str]:
-        """The words after the command's name, without braces around what must be."""
+        """Return the words after the command's name, without braces."""
         words: list[str] = super().collect_usage_pieces(ctx)  # type: ignore[misc]  # as above
         return [re.sub(r"[{}]", "", word) for word in words]
 
     def format_help(self, ctx: Any, formatter: Any) -> None:
-        """Write help, without boxes where they would leave no room for the names."""
+        """Write help; in a narrow terminal without boxes, which would cut the names."""
         if shutil.get_terminal_size().columns < NARROW:
             self.rich_markup_mode = None
         super().format_help(ctx, formatter)  # type: ignore[misc]  # as above
@@ -126,24 +126,24 @@ class Command(_TerminalWords, TyperCommand):
     """A command of ``surefoot``."""
 
     def __init__(self, *args: Any, help: str | None = None, **more: Any) -> None:
-        """Join the lines of each paragraph: the terminal breaks them where it ends."""
+        """Join the lines of each paragraph, since the terminal wraps them."""
         if help is not None:
             help = re.sub(r"(?<!\n)\n(?!\n)", " ", inspect.cleandoc(help))
         super().__init__(*args, help=help, **more)
 
     def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
-        """Parse the words; the shell leaves the ~ in ``--out=~/x`` to the command."""
+        """Parse the words, with ``~`` in ``--out=~/x`` expanded."""
         args = [_HOME.sub(lambda at: at[1] + expanduser(at[2]), arg) for arg in args]
         parsed: list[str] = super().parse_args(ctx, args)
         return parsed
 
 
 class Group(_TerminalWords, TyperGroup):
-    """A command that has others below it."""
+    """A command with subcommands."""
 
 
 def _nothing(ctx: Any) -> None:
-    """An argument's word says what it is."""
+    """Show no type for an argument: its name in capitals is enough."""
     del ctx
 
 
@@ -170,15 +170,15 @@ def names_in(text: str) -> list[str]: ...
 @overload
 def names_in(text: None) -> None: ...
 def names_in(text: str | None) -> list[str] | None:
-    """Return the names of a list with commas, and blanks wherever; None for none."""
+    """Return the names of a comma-separated list without blanks; None stays None."""
     return None if text is None else [name.strip() for name in text.split(",")]
 
 
 def finite(value: float) -> float:
-    """Return an option's number as it is; one with both limits needs no such check.
+    """Return an option's number if it is finite; not needed with both limits.
 
     Raises:
-        BadParameter: it is NaN, or infinite.
+        BadParameter: it is NaN or infinite.
     """
     if not math.isfinite(value):
         raise typer.BadParameter(f"{value} is no finite number")
@@ -191,7 +191,7 @@ WaitOption = Annotated[
         "--wait",
         min=0.0,
         metavar="SECONDS",
-        help="How long to look for the robot.",
+        help="How long to wait for the robot.",
         callback=finite,
     ),
 ]
@@ -199,7 +199,8 @@ WaitOption = Annotated[
 ServoOption = Annotated[
     str | None,
     typer.Option(
-        "--servo-profile", help="Servo profile of the robot file to use instead."
+        "--servo-profile",
+        help="Servo profile of the robot file; the file's own choice when absent.",
     ),
 ]
 
@@ -211,8 +212,8 @@ LockstepOption = Annotated[
     bool,
     typer.Option(
         "--lockstep/--realtime",
-        help="The robot waits for each command (the same run bit for bit), or keeps "
-        "its own pace as hardware does.",
+        help="Lockstep: the robot waits for each command, and the same run is the same "
+        "bit for bit. Real time: it keeps its own pace, as hardware does.",
     ),
 ]
 
@@ -233,8 +234,8 @@ SettingsOption = Annotated[
     typer.Option(
         "--settings",
         metavar="FILE",
-        help="Shipped settings (person, zmp-stock, zmp-tuned), or a file (.toml); any "
-        "subset.",
+        help="Shipped settings (person, zmp-stock, zmp-tuned), or a file (.toml) with "
+        "any of the settings.",
         rich_help_panel=CONTROLLER,
     ),
 ]
@@ -255,14 +256,14 @@ EndpointsOption = Annotated[
     typer.Option(
         "--endpoints",
         metavar="FILE",
-        help="Where robot and others meet (.toml).",
+        help="File (.toml) that says where robot and others meet.",
         rich_help_panel=_BUS,
     ),
 ]
 
 
 def locators_option(flag: str, help: str) -> Any:
-    """An option for places on the network."""
+    """Return an option for network locators."""
     return typer.Option(
         flag,
         metavar="LOCATOR",
@@ -311,7 +312,7 @@ HistogramOption = Annotated[
     bool,
     typer.Option(
         "--histogram",
-        help="Show how often each time of the loop was how long; with --json as data.",
+        help="Show histograms of the loop's times; with --json as data.",
         rich_help_panel=_TIMING,
     ),
 ]
@@ -334,8 +335,8 @@ PriorityOption = Annotated[
         min=1,
         max=99,
         metavar="P",
-        help="Run before all ordinary processes (SCHED_FIFO at priority P); needs the "
-        "right to, and goes on without.",
+        help="Run before all ordinary processes (SCHED_FIFO at priority P). Needs the "
+        "permission; without it the run continues at normal priority.",
         rich_help_panel=_TIMING,
     ),
 ]
@@ -365,22 +366,22 @@ RecordFileOption = Annotated[Path | None, typer.Option("--record-file", hidden=T
 
 
 def check_priority(priority: int | None, *, lockstep: bool) -> None:
-    """Refuse a real-time priority to a loop that never rests.
+    """Refuse a real-time priority in lockstep, where the loop never rests.
 
     Raises:
-        UsageError: nothing else would run on its processor.
+        UsageError: nothing else could run on its processor.
     """
     if priority is not None and lockstep:
         raise UsageError(
-            "--realtime-priority goes with --realtime; in lockstep the two never rest, "
-            "and nothing else would run"
+            "--realtime-priority goes with --realtime; in lockstep the two processes "
+            "never rest, and nothing else would run"
         )
 
 
 def claim_processor(*, cpu: int | None, priority: int | None) -> None:
-    """Pin this process and set its priority; go on without if not permitted.
+    """Pin this process and set its priority; only log it if not permitted.
 
-    Called before anything starts a thread: threads inherit both.
+    Call it before any thread starts: threads inherit both.
     """
     from surefoot.robot_io.realtime import pin_to_cpu, take_priority
 
@@ -396,7 +397,7 @@ def dialed(
     endpoints: Path | None,
     connect: list[str] | None,
 ) -> tuple[Robot, Endpoints]:
-    """Return the robot that is meant by the options, and where it is dialed."""
+    """Return the robot of these options, and the endpoints to dial it."""
     from surefoot.robot_io.robot import load_robot
     from surefoot.schemas.endpoints import choose_endpoints
 

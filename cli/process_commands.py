@@ -1,4 +1,4 @@
-"""``surefoot robot``, ``stabilizer``, ``walk`` and ``view``, each in its process."""
+"""``surefoot robot``, ``stabilizer``, ``walk`` and ``view``: one process each."""
 
 from __future__ import annotations
 
@@ -35,8 +35,8 @@ def robot(
 ) -> None:
     """Run the simulated robot alone; it waits for a stabilizer to take command.
 
-    Exits with 5 when the robot fell, with 1 when it was in fault, held or not
-    commanded at the end.
+    Exits with 5 when the robot fell, with 1 when it was in fault, held or not commanded
+    at the end.
     """
     from msgspec.structs import replace
 
@@ -92,7 +92,7 @@ def robot(
     judgement = judge(result, is_realtime=not lockstep, period_s=model.period_s)
     code = exit_code_for(judgement.outcome)
     if child and code is ExitCode.FAILED:
-        raise typer.Exit(ExitCode.OK)  # its parent knows of both sides, and judges
+        raise typer.Exit(ExitCode.OK)  # the parent judges, from both sides' results
     if not child:
         print_result(
             result,
@@ -108,7 +108,7 @@ _IN_ORDER = (
     *(EndReason.SENSOR_LOST, EndReason.CONTROLLER_FAILED),
     *(EndReason.LEASE_LOST, EndReason.ROBOT_FAULT),
 )
-"""Ends before the robot's own, which then holds its posture and tells how it went."""
+"""Ends of the stabilizer before the robot's, which then holds and reports the run."""
 _CODES = {
     EndReason.RUN_OVER: ExitCode.OK,
     EndReason.FELL: ExitCode.FELL,
@@ -117,7 +117,7 @@ _CODES = {
     EndReason.ROBOT_GONE: ExitCode.UNREACHABLE,
     EndReason.ROBOT_SILENT: ExitCode.UNREACHABLE,
 }
-"""Other ends are failures."""
+"""Exit codes of a stabilizer's end; all other ends are failures."""
 
 
 def stabilizer(
@@ -130,7 +130,7 @@ def stabilizer(
         bool,
         typer.Option(
             "--reconnect",
-            help="When the robot goes away, wait for it and take command again from "
+            help="When the robot goes away, wait for it and take command again, from "
             "the posture it holds.",
         ),
     ] = False,
@@ -139,7 +139,7 @@ def stabilizer(
         typer.Option(
             "--walk",
             metavar="SCENARIO",
-            help="Take the steps of this scenario's \\[walk] table.",
+            help="Walk as the \\[walk] table of this scenario says.",
             autocompletion=complete_scenario,
         ),
     ] = None,
@@ -157,9 +157,9 @@ def stabilizer(
 ) -> None:
     """Run the stabilizer alone; it takes command of the robot it dials.
 
-    Exits with 4 when there is no robot, or it goes away before its run is over, and
-    with 5 when it fell. Ctrl-C brings the robot to rest first; again, and it ends at
-    once.
+    Exits with 4 when there is no robot, or when it goes away before its run is over,
+    and with 5 when it fell. Ctrl-C brings the robot to rest first. A second Ctrl-C ends
+    at once.
     """
     from msgspec.structs import replace
 
@@ -230,36 +230,46 @@ def stabilizer(
             as_json=as_json,
         )
     if child and result.end in _IN_ORDER:
-        raise typer.Exit(ExitCode.OK)  # the robot tells how the run ends
+        raise typer.Exit(ExitCode.OK)  # the robot's exit code tells how the run ended
     raise typer.Exit(code)
 
 
 def _speed(flag: str, most: float, unit: str, help: str) -> Any:
-    """An option for a speed that may be negative."""
+    """Return an option for a speed that may be negative, at most ``most`` in size."""
     return typer.Option(
         flag, min=-most, max=most, metavar=unit, help=help, callback=options.finite
     )
 
 
 def walk(
-    velocity: Annotated[float, _speed("--velocity", 10.0, "M_S", "Ahead.")] = 0.0,
-    lateral: Annotated[float, _speed("--lateral", 10.0, "M_S", "To the left.")] = 0.0,
+    velocity: Annotated[
+        float, _speed("--velocity", 10.0, "M_S", "Velocity ahead.")
+    ] = 0.0,
+    lateral: Annotated[
+        float, _speed("--lateral", 10.0, "M_S", "Velocity to the left.")
+    ] = 0.0,
     yaw_rate: Annotated[
-        float, _speed("--yaw-rate", 360.0, "DEG_S", "Turning to the left.")
+        float, _speed("--yaw-rate", 360.0, "DEG_S", "Turning rate to the left.")
     ] = 0.0,
     steps: Annotated[
         int | None,
         typer.Option(
-            "--steps", min=1, help="How many; absent: until Ctrl-C, or the run's end."
+            "--steps",
+            min=1,
+            help="Number of steps; until Ctrl-C or the run's end when absent.",
         ),
     ] = None,
     step_s: Annotated[
         float,
-        typer.Option("--step-s", min=0.2, max=10.0, help="Single support of a step."),
+        typer.Option(
+            "--step-s", min=0.2, max=10.0, help="Single support of each step, in s."
+        ),
     ] = 0.6,
     double_s: Annotated[
         float,
-        typer.Option("--double-s", min=0.05, max=10.0, help="Double support after it."),
+        typer.Option(
+            "--double-s", min=0.05, max=10.0, help="Double support after it, in s."
+        ),
     ] = 0.2,
     height: Annotated[
         float,
@@ -274,13 +284,13 @@ def walk(
     connect: options.ConnectOption = None,
     as_json: options.JsonOption = False,
 ) -> None:
-    """Have a robot that balances walk, by a velocity.
+    """Make a balancing robot walk at a velocity.
 
-    Tells the robot's stabilizer where to set its feet, some steps ahead. After the last
-    step, on Ctrl-C, and when this process is gone, the feet come together and the robot
-    stands; where nobody answers, Ctrl-C ends at once. Exits with 4 when there is no
-    robot or nobody who walks, or either has gone, with 1 when the steps were refused,
-    with 130 after Ctrl-C.
+    Plans footsteps some steps ahead and sends them to the robot's stabilizer. After the
+    last step, on Ctrl-C, and when this process is gone, the feet come together and the
+    robot stands. If nobody answers, Ctrl-C ends at once. Exits with 4 when there is no
+    robot or no stabilizer that walks, or either has gone, with 1 when the steps were
+    refused, with 130 after Ctrl-C.
     """
     from surefoot.cli.console import print_json
     from surefoot.planner import VelocityPlanner, walk_on_bus
@@ -335,8 +345,8 @@ def view(
 ) -> None:
     """Show a robot and its stabilizer on a live page on this machine.
 
-    The page only looks on: robot and stabilizer go on when it ends. It waits for a
-    robot as long as it takes.
+    Robot and stabilizer do not depend on the page and go on when it ends. The command
+    waits for a robot without limit.
     """
     import logging
     from importlib.util import find_spec

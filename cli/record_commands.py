@@ -1,4 +1,4 @@
-"""``surefoot record`` and ``log``: records of the bus, and what is in them."""
+"""``surefoot record`` and ``log``: records of the bus and their contents."""
 
 from __future__ import annotations
 
@@ -17,11 +17,11 @@ if TYPE_CHECKING:
     from surefoot.recording.write import McapFile
     from surefoot.robot_io.client_side.robot_watch import Absences
 _READY = "ready: what is said from now on is in the record"
-_CUT_OFF = "{} is cut off; what is whole of it was written"
+_CUT_OFF = "{} is cut off; all complete ticks were written"
 
 
 class LogTime(StrEnum):
-    """What log times of a record are."""
+    """What the log times of a record are."""
 
     STAMPS = "stamps"
     SIMULATED = "simulated"
@@ -30,29 +30,29 @@ class LogTime(StrEnum):
 def record(
     out: Annotated[
         Path,
-        typer.Option(
-            "--out", metavar="FILE", help="Record here (.mcap), into a new file."
-        ),
+        typer.Option("--out", metavar="FILE", help="New file for the record (.mcap)."),
     ],
     overwrite: options.OverwriteOption = False,
     robot: options.RobotOption = "walker",
     servo_profile: options.ServoOption = None,
     raw: Annotated[
         bool,
-        typer.Option("--raw", help="Keep the bus's MessagePack bytes, not JSON."),
+        typer.Option("--raw", help="Keep the bus's MessagePack bytes instead of JSON."),
     ] = False,
     attach: Annotated[
         list[Path] | None,
         typer.Option(
-            "--attach", metavar="FILE", help="Keep this file too. May be repeated."
+            "--attach",
+            metavar="FILE",
+            help="Attach this file to the record. May be repeated.",
         ),
     ] = None,
     log_time: Annotated[
         LogTime,
         typer.Option(
             "--log-time",
-            help="Times in viewers: the senders' stamps, or simulated time, which is "
-            "tick times period, for a robot in lockstep.",
+            help="Times that viewers show: the senders' stamps, or simulated time "
+            "(tick times period), for a robot in lockstep.",
         ),
     ] = LogTime.STAMPS,
     wait_s: options.WaitOption = 10.0,
@@ -65,9 +65,9 @@ def record(
 ) -> None:
     """Record everything on a robot's bus, until it leaves or Ctrl-C.
 
-    Listens only; the robot does not wait for it. Exits with 4 when there is no robot,
-    with 3 when the file cannot be written, with 1 when the link to the robot was lost
-    meanwhile, with 130 after Ctrl-C, which leaves a whole file.
+    This command only listens; the robot does not wait for it. Exits with 4 when there
+    is no robot, with 3 when the file cannot be written, with 1 when the link to the
+    robot was lost meanwhile, with 130 after Ctrl-C, which leaves a complete file.
     """
     from surefoot.cli.console import print_json, print_table
     from surefoot.cli.summary import counts_table
@@ -85,7 +85,7 @@ def record(
     options.claim_processor(cpu=cpu, priority=realtime_priority)
     model, meeting = options.dialed(robot, servo_profile, endpoints, connect)
     kept = attachments(model, attach or [])
-    # Status last: whoever receives it has subscribed to all others.
+    # Status is last: a process that receives it has subscribed to all the others.
     channels = (*(name for name in ALL_CHANNELS if name != "status"), "status")
     period_ns = round(model.period_s * 1e9) if log_time is LogTime.SIMULATED else None
     stop = StopRequest()
@@ -122,7 +122,7 @@ def record(
 
 
 def _tell(file: McapFile, absences: Absences) -> None:
-    """Say on stderr what is missing, whatever is printed on stdout."""
+    """Warn on stderr of what is missing in the record."""
     from surefoot.processes.child import log_note, log_warning
     from surefoot.recording.write import UNREADABLE
 
@@ -136,31 +136,31 @@ def _tell(file: McapFile, absences: Absences) -> None:
             )
         if count.unreadable:
             log_warning(
-                f"{name}: {count.unreadable} messages are none of this channel; they "
-                f"are kept as they came, on /{name}/{UNREADABLE}"
+                f"{name}: {count.unreadable} messages do not fit this channel and are "
+                f"kept as bytes on /{name}/{UNREADABLE}"
             )
     if absences.times:
-        log_warning(f"{absences}; what was said meanwhile is not in the record")
+        log_warning(f"{absences}; messages of that time are not in the record")
 
 
 log = typer.Typer(
     name="log",
     cls=options.Group,
     no_args_is_help=True,
-    help="Look into records, and export them.",
+    help="Contents of records, and their export.",
 )
 FileArgument = Annotated[
     Path,
     typer.Argument(
         metavar="FILE",
-        help="A record (.mcap, or .mcap.partial), or the folder of a run for its "
-        "signals at every tick.",
+        help="A record (.mcap, or .mcap.partial), or a run's folder for its signals "
+        "at every tick.",
     ),
 ]
 
 
 class ExportFormat(StrEnum):
-    """Formats a record can be exported to."""
+    """Formats of an export."""
 
     CSV = "csv"
     NPZ = "npz"
@@ -169,7 +169,7 @@ class ExportFormat(StrEnum):
 
 @log.command(cls=options.Command)
 def info(file: FileArgument, as_json: options.JsonOption = False) -> None:
-    """Tell what a record or a run holds, and what is missing in it."""
+    """Show what a record or a run holds, and what is missing in it."""
     from surefoot.cli.console import print_json, print_table, print_text
     from surefoot.cli.summary import counts_table
     from surefoot.recording.read import read_record, record_info
@@ -197,7 +197,7 @@ def _tell_signals(place: Path, *, as_json: bool) -> None:
     if as_json:
         print_json(told)
         return
-    whole = "cut off; all that is whole of it is told" if told.is_cut_off else "whole"
+    whole = "cut off; all complete ticks are shown" if told.is_cut_off else "whole"
     lost = f", {told.lost_ticks} not recorded" if told.lost_ticks else ""
     print_text(f"{place}: {whole}, {told.ticks} ticks{lost}\n\n{signals.describe()}")
 
@@ -209,17 +209,17 @@ def export(
         ExportFormat,
         typer.Option(
             "--format",
-            help="npz: one file. csv and parquet: a file per channel, or one for the "
-            "signals of a run.",
+            help="npz writes one file. csv and parquet write a file per channel of a "
+            "record, or one for the signals of a run.",
         ),
     ],
     out: Annotated[
         Path,
-        typer.Option("--out", metavar="PATH", help="The file (npz), or a folder."),
+        typer.Option("--out", metavar="PATH", help="File for npz, folder otherwise."),
     ],
     overwrite: options.OverwriteOption = False,
 ) -> None:
-    """Write a record, or the signals of a run, in a format of other tools."""
+    """Convert a record, or the signals of a run, for other tools."""
     from surefoot.cli.console import print_note
     from surefoot.recording.export import export_record, export_signals
     from surefoot.recording.read import read_record
@@ -240,15 +240,15 @@ def export(
 
 
 def _left_out(record: Record) -> list[str]:
-    """What of a record is not in its export, in words."""
+    """Return notes on what an export lacks of its record."""
     notes = []
     for name in record.channels:
         size = record.size(name)
         lost = size - sum(1 for _ in record.each(name))
         if lost:
             notes.append(
-                f"{name}: {lost} of {size} messages left out; they are not "
-                f"{record.encoding(name)} that can be read"
+                f"{name}: {lost} of {size} messages left out; they are not valid "
+                f"{record.encoding(name)}"
             )
     if record.is_cut_off or record.damage:
         notes.append(

@@ -1,4 +1,4 @@
-"""``surefoot replay``: a record on the bus again, or through the controller."""
+"""``surefoot replay``: plays a record on the bus, or computes its commands again."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ def replay(
         bool,
         typer.Option(
             "--controller",
-            help="Compute the commands again from the recorded sensors and compare.",
+            help="Compute the commands again from the recorded sensors, and compare.",
         ),
     ] = False,
     speed: Annotated[
@@ -36,21 +36,23 @@ def replay(
             "--speed",
             min=0.001,
             metavar="X",
-            help="Robot's seconds per second.",
+            help="Seconds of the record per second.",
             rich_help_panel=_PLAYING,
         ),
     ] = 1.0,
     loop: Annotated[
         bool,
         typer.Option(
-            "--loop", help="Begin again at the end.", rich_help_panel=_PLAYING
+            "--loop",
+            help="Start again from the beginning at the end.",
+            rich_help_panel=_PLAYING,
         ),
     ] = False,
     now: Annotated[
         bool,
         typer.Option(
             "--now",
-            help="Begin at once, not when somebody subscribes.",
+            help="Begin at once, without waiting for a subscriber.",
             rich_help_panel=_PLAYING,
         ),
     ] = False,
@@ -60,7 +62,7 @@ def replay(
             "--from",
             min=0.0,
             metavar="SECONDS",
-            help="Leave out what came before, from the first tick on.",
+            help="Begin this long after the first tick.",
             rich_help_panel=_PLAYING,
         ),
     ] = 0.0,
@@ -70,13 +72,14 @@ def replay(
             "--until",
             min=0.0,
             metavar="SECONDS",
-            help="Leave out what came later, from the first tick on.",
+            help="End this long after the first tick.",
         ),
     ] = None,
     robot: Annotated[
         str | None,
         typer.Option(
-            "--robot", help="Robot to take instead of the one attached to the record."
+            "--robot",
+            help="Robot to use instead of the one attached to the record.",
         ),
     ] = None,
     law: Annotated[
@@ -84,7 +87,7 @@ def replay(
         typer.Option(
             "--law",
             metavar="NAME",
-            help="Control law to take instead of the recorded one; as for `run`.",
+            help="Control law to use instead of the recorded one; as for `run`.",
             autocompletion=complete_controller,
             rich_help_panel=options.CONTROLLER,
         ),
@@ -97,12 +100,12 @@ def replay(
     router: options.RouterOption = None,
     insecure: options.InsecureOption = False,
 ) -> None:
-    """Play a record back on the bus, or through the controller.
+    """Play a record on the bus, or compute its commands again.
 
-    On the bus it looks like the robot, for surefoot view and record, and refuses to be
-    commanded. With --controller nothing goes on any bus: exits with 0 when all
-    commands come out the same, bit for bit, and with 1 when not; law and settings are
-    those of the record where none are named. The whole record is read into memory.
+    On the bus the record looks like the robot, for surefoot view and record, and
+    refuses commands. With --controller no bus is used: exits with 0 when all commands
+    are the same bit for bit, and with 1 when they differ. Control law and settings are
+    the recorded ones unless given. The whole record is read into memory.
     """
     from surefoot.playback.timeline import read_timeline, recorded_robot
 

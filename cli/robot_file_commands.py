@@ -1,4 +1,4 @@
-"""``surefoot new-robot`` and ``check-robot-file``: from URDF to robot."""
+"""``surefoot new-robot`` and ``check-robot-file``: robot files."""
 
 from __future__ import annotations
 
@@ -21,38 +21,42 @@ _WARNED = "bold yellow"
 
 
 def new_robot(
-    urdf: Annotated[Path, typer.Argument(metavar="URDF", help="Of the robot.")],
+    urdf: Annotated[
+        Path, typer.Argument(metavar="URDF", help="The robot's URDF file.")
+    ],
     left_sole: Annotated[
         str,
-        typer.Option(metavar="LINK", help="Left foot, or the sole's own frame."),
+        typer.Option(metavar="LINK", help="Left foot, or the frame of its sole."),
     ],
     right_sole: Annotated[
-        str, typer.Option(metavar="LINK", help="The same of the right foot.")
+        str, typer.Option(metavar="LINK", help="The same for the right foot.")
     ],
     left_ft: Annotated[
         str | None,
         typer.Option(
             metavar="LINK",
-            help="Link below the left force-torque sensor; looked for by name, or "
-            "taken to sit at the ankle.",
+            help="Link below the left force-torque sensor. When absent it is found by "
+            "name, or the sensor is assumed at the ankle.",
             rich_help_panel=_PARTS,
         ),
     ] = None,
     right_ft: Annotated[
         str | None,
-        typer.Option(metavar="LINK", help="Right one.", rich_help_panel=_PARTS),
+        typer.Option(
+            metavar="LINK", help="The same for the right foot.", rich_help_panel=_PARTS
+        ),
     ] = None,
     imu: Annotated[
         str | None,
         typer.Option(
             metavar="LINK",
-            help="Link of the inertial unit, fixed to the base; looked for by name.",
+            help="Link of the IMU, fixed to the base; found by name when absent.",
             rich_help_panel=_PARTS,
         ),
     ] = None,
     name: Annotated[
         str | None,
-        typer.Option(metavar="NAME", help="Of the robot; the URDF's by default."),
+        typer.Option(metavar="NAME", help="Name of the robot; the URDF's when absent."),
     ] = None,
     out: Annotated[
         Path,
@@ -63,7 +67,7 @@ def new_robot(
         list[str] | None,
         typer.Option(
             metavar="JOINT",
-            help="Joint to fix, also with * in it. May be repeated.",
+            help="Joint to fix; * stands for any characters. May be repeated.",
             rich_help_panel=_JOINTS,
         ),
     ] = None,
@@ -71,7 +75,8 @@ def new_robot(
         list[str] | None,
         typer.Option(
             metavar="JOINT",
-            help="Light joint not to fix, also with * in it. May be repeated.",
+            help="Light joint that is not to be fixed; * stands for any characters. "
+            "May be repeated.",
             rich_help_panel=_JOINTS,
         ),
     ] = None,
@@ -90,8 +95,8 @@ def new_robot(
             min=0.005,
             max=1.0,
             metavar="M",
-            help="How far the centre of mass should be able to rise over the feet; a "
-            "share of the leg by default.",
+            help="How far the centre of mass should be able to rise over the feet; "
+            "when absent, a share of the leg's length.",
             rich_help_panel=_JOINTS,
         ),
     ] = None,
@@ -102,7 +107,7 @@ def new_robot(
             min=0.005,
             max=1.0,
             metavar="M",
-            help="How far to sink.",
+            help="How far the centre of mass should be able to sink.",
             rich_help_panel=_JOINTS,
         ),
     ] = None,
@@ -117,20 +122,24 @@ def new_robot(
         bool,
         typer.Option(
             "--repair-inertias",
-            help="Give links whose inertia no body has the nearest one that can be.",
+            help="Give links with an impossible inertia the nearest possible one.",
         ),
     ] = False,
     rate_hz: Annotated[
         float,
         typer.Option(
-            "--rate", min=50.0, max=10000.0, metavar="HZ", help="Of the control loop."
+            "--rate",
+            min=50.0,
+            max=10000.0,
+            metavar="HZ",
+            help="Rate of the control loop.",
         ),
     ] = 1000.0,
 ) -> None:
-    """Make a robot file from a URDF, and say what was found, guessed and left to you.
+    """Make a robot file from a URDF; tell what was found, guessed and left to you.
 
-    Measures soles, finds sensors, bends the knees into a posture to stand in, and
-    guesses drives. The URDF itself stays as it is.
+    Measures soles, finds sensors, solves a standing posture with bent knees, and
+    guesses drives. The URDF itself is not changed.
     """
     from surefoot.cli.console import print_table, print_text
     from surefoot.robot_files.new_robot import NewRobotOptions
@@ -185,9 +194,9 @@ def check_robot_file(
     servo_profile: options.ServoOption = None,
     as_json: options.JsonOption = False,
 ) -> None:
-    """Judge a robot file: masses, axes, posture, reach, servos, and scenarios.
+    """Check a robot file: masses, axes, posture, reach, servos, shipped scenarios.
 
-    Exits with 2 when the files contradict each other; warnings stop nothing.
+    Exits with 2 when the files contradict each other. Warnings do not fail.
     """
     from rich.console import Group
 

@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from surefoot.schemas.scenario import Push
 
 PUSH_S = 0.1
-"""A push of the command line lasts so long."""
+"""Duration of a push that is given on the command line [s]."""
 
 
 def run(
@@ -42,8 +42,8 @@ def run(
         Path | None,
         typer.Option(
             metavar="DIR",
-            help="Keep result, every tick, settings, scenario and logs here: a new or "
-            "empty folder.",
+            help="New or empty folder for result, signals of every tick, settings, "
+            "scenario and logs.",
         ),
     ] = None,
     overwrite: options.OverwriteOption = False,
@@ -61,15 +61,17 @@ def run(
         str | None,
         typer.Option(
             metavar="PLAN",
-            help="Put a relay between the two that loses, delays or corrupts messages: "
-            "a shipped plan such as loss-5, or a plan file (.toml). With --realtime, "
-            "or with --inline in simulated time.",
+            help="Put a relay between robot and stabilizer that loses, delays or "
+            "corrupts messages: a shipped plan such as loss-5, or a plan file (.toml). "
+            "Goes with --realtime, or with --inline in simulated time.",
         ),
     ] = None,
     duration_s: Annotated[
         float | None,
         typer.Option(
-            "--duration", metavar="S", help="How long, instead of the scenario's."
+            "--duration",
+            metavar="S",
+            help="Duration of the run; the scenario's when absent.",
         ),
     ] = None,
     push: Annotated[
@@ -77,23 +79,23 @@ def run(
         typer.Option(
             "--push",
             metavar='"N s,deg,s"',
-            help="Push the base besides, for 0.1 s: impulse, direction (0 along x, 90 "
-            "along y) and when. May be repeated.",
+            help="Push the base for 0.1 s: impulse in N s, direction in deg (0 along "
+            "x, 90 along y) and time in s. May be repeated.",
         ),
     ] = None,
     video: Annotated[
         bool,
         typer.Option(
             "--video",
-            help="Also an mp4 and a still in DIR of --out; needs OpenGL without a "
-            "window and the extra `video`.",
+            help="Also make an mp4 and a still in the folder of --out. Needs OpenGL "
+            "without a window and the extra `video`.",
         ),
     ] = False,
     scale_to_robot: Annotated[
         bool,
         typer.Option(
             "--scale-to-robot",
-            help="Make motions of the ground and pushes smaller that the robot cannot "
+            help="Scale down motions of the ground and pushes that the robot cannot "
             "reach, and say by how much.",
         ),
     ] = False,
@@ -106,10 +108,10 @@ def run(
     realtime_priority: options.PriorityOption = None,
     as_json: options.JsonOption = False,
 ) -> None:
-    """Run a scenario: robot and stabilizer as two processes on the bus.
+    """Run a scenario, with robot and stabilizer as two processes on the bus.
 
-    Exits with 0 only when the robot stood or walked to the end: with 5 when it fell,
-    with 1 when it was held, in fault or not controlled.
+    Exits with 0 only when the robot stood or walked to the end, with 5 when it fell,
+    and with 1 when it was held, in fault or not controlled.
     """
     from surefoot.cli.console import (
         print_note,
@@ -183,10 +185,10 @@ def run(
 
 
 def parse_push(text: str) -> Push:
-    """Return the push of ``N s,deg,s``: impulse, direction and time.
+    """Return the push of a text ``N s,deg,s``: impulse, direction and time.
 
     Raises:
-        UsageError: it is none.
+        UsageError: the text has another form.
     """
     from surefoot.schemas.scenario import Push
 
@@ -205,7 +207,7 @@ def parse_push(text: str) -> Push:
 
 
 def _prepare_video(out: Path | None) -> None:
-    """See that a video can be kept and drawn, as far as that can be known before."""
+    """Check, as far as possible before the run, that a video can be made and kept."""
     from surefoot.report.video import check_encoder, load_drawing
 
     if out is None:
@@ -234,14 +236,14 @@ def _mode(*, lockstep: bool, inline: bool) -> Mode:
     if not inline:
         return "lockstep" if lockstep else "realtime"
     if not lockstep:
-        raise UsageError("--inline knows no real time; leave out --realtime")
+        raise UsageError("--inline runs without real time; leave out --realtime")
     return "inline"
 
 
 def _meeting(
     file: Path | None, *, listen: list[str] | None, connect: list[str] | None
 ) -> Endpoints | None:
-    """Return where the two processes should meet; None if the user does not say."""
+    """Return where the two processes meet; None to choose a private place."""
     from surefoot.schemas.endpoints import choose_endpoints
 
     if file is None and not listen and not connect:
@@ -301,7 +303,7 @@ def robots(as_json: options.JsonOption = False) -> None:
 
 
 def settings(as_json: options.JsonOption = False) -> None:
-    """List all settings: name, default, what it does; and the shipped files of some."""
+    """List all settings with defaults and descriptions, and the shipped files."""
     import msgspec
 
     from surefoot.cli.console import print_json, print_note, print_table
@@ -325,7 +327,7 @@ def settings(as_json: options.JsonOption = False) -> None:
 
 
 def doctor(as_json: options.JsonOption = False) -> None:
-    """Check this machine, and say what to do; plain text to paste into a question.
+    """Check this machine and advise what to do, as plain text to paste into an issue.
 
     Exits with 3 when something would stop a run. Takes a few seconds.
     """

@@ -1,4 +1,4 @@
-"""``surefoot sweep``, ``reproduce`` and ``report``: many runs, and pages about them."""
+"""``surefoot sweep``, ``reproduce`` and ``report``: many runs, and pages on them."""
 
 from __future__ import annotations
 
@@ -18,7 +18,9 @@ REPORT_NEEDS = ("viser", "yourdfpy", "plotly")
 OutOption = Annotated[
     Path,
     typer.Option(
-        "--out", metavar="DIR", help="Folder of the study; a former one goes on."
+        "--out",
+        metavar="DIR",
+        help="Folder of the study; an unfinished one is resumed.",
     ),
 ]
 
@@ -27,7 +29,7 @@ def sweep(
     scenarios: Annotated[
         list[str],
         typer.Argument(
-            help="Shipped names or paths of scenario files.",
+            help="Shipped scenarios, or scenario files (.toml).",
             autocompletion=complete_scenario,
         ),
     ],
@@ -37,8 +39,8 @@ def sweep(
         typer.Option(
             "--vary",
             metavar="PATH=VALUES",
-            help="Scenario value or setting to vary: A,B,C or FROM:TO:COUNT. May be "
-            "repeated: all combinations. Paths: friction, tilt_rate_deg_s, "
+            help="Scenario value or setting to vary: A,B,C or FROM:TO:COUNT. When "
+            "repeated, all combinations are run. Paths: friction, tilt_rate_deg_s, "
             "platform.0.motion.0.amplitude_deg, push.0.direction_deg, pace, "
             "tsid.com_kp, ...",
         ),
@@ -56,7 +58,9 @@ def sweep(
     ] = "whole-body",
     servo_profiles: Annotated[
         str,
-        typer.Option("--servo-profile", help="Comma-separated, of the robot file."),
+        typer.Option(
+            "--servo-profile", help="Comma-separated profiles of the robot file."
+        ),
     ] = "ideal",
     robot: options.RobotOption = "walker",
     overrides: options.SetOption = None,
@@ -64,11 +68,11 @@ def sweep(
     scheduler: options.SchedulerOption = None,
     as_json: options.JsonOption = False,
 ) -> None:
-    """Run every combination in parallel processes, and say how many stayed up.
+    """Run all combinations in parallel, and count how many stayed up.
 
-    Each finished run is kept in OUT/runs.jsonl; a sweep that was ended goes on where
-    it was. OUT/summary.csv and summary.json hold the figures, one plot per scenario
-    and varied value the success curve.
+    Each finished run is kept in OUT/runs.jsonl, and the same command resumes an
+    interrupted sweep. OUT/summary.csv and summary.json hold the figures. OUT also gets
+    one plot of the success rate for each scenario and varied value.
     """
     from surefoot.cli.console import count_bar, print_json, print_table
     from surefoot.cli.summary import study_tables
@@ -101,7 +105,7 @@ def parse_seeds(text: str, *, option: str = "--seeds") -> Sequence[int]:
     """Parse seeds such as ``0:50`` (0 to 49) or ``1,4,7``.
 
     Raises:
-        UsageError: neither.
+        UsageError: the text has neither form.
     """
     first, colon, end = text.partition(":")
     seeds: Sequence[int] = []
@@ -120,7 +124,7 @@ def parse_vary(text: str) -> list[tuple[str, Any]]:
     """Parse ``PATH=A,B,C``, or ``PATH=FROM:TO:COUNT`` for evenly spaced numbers.
 
     Raises:
-        UsageError: neither.
+        UsageError: the text has neither form.
     """
     from surefoot.schemas.toml_file import parse_override, parse_value
 
@@ -159,22 +163,26 @@ def reproduce(
     out: OutOption = Path("out/reproduce"),
     quick: Annotated[
         bool,
-        typer.Option("--quick", help="1 seed, fewer rates, two controllers: minutes."),
+        typer.Option(
+            "--quick",
+            help="A few minutes: one seed, fewer rates, two controllers.",
+        ),
     ] = False,
     seeds: Annotated[
         int | None,
         typer.Option("--seeds", min=1, help="Seeds per case instead of 50 (quick: 1)."),
     ] = None,
     report_only: Annotated[
-        bool, typer.Option("--report-only", help="Write the page from kept runs only.")
+        bool,
+        typer.Option("--report-only", help="Write the page from finished runs only."),
     ] = False,
     jobs: options.JobsOption = 0,
     scheduler: options.SchedulerOption = None,
 ) -> None:
     """Run the paper's scenarios with all controllers, and write a page about them.
 
-    Whole, with 50 seeds, it takes some six hours on two processors; --quick takes
-    less than five minutes. Ended early, it goes on where it was.
+    With 50 seeds it takes some six hours on two processors, with --quick less than
+    five minutes. The same command resumes an interrupted study.
     """
     from surefoot.cli.console import count_bar, print_note
     from surefoot.out_folder import write_whole
@@ -227,15 +235,15 @@ def report(
         list[Path],
         typer.Argument(
             metavar="RUN_DIR",
-            help="Folders that `surefoot run --out` left, or a file in each; several "
-            "are compared.",
+            help="Folders of `surefoot run --out`, or a file in each. Several runs are "
+            "compared.",
         ),
     ],
     out: Annotated[
         Path | None,
         typer.Option(
             metavar="DIR",
-            help="Folder of the page, new or empty. By default `report` in the run's "
+            help="New or empty folder of the page. When absent: `report` in the run's "
             "folder, or beside the first of several.",
         ),
     ] = None,
@@ -244,15 +252,15 @@ def report(
         bool,
         typer.Option(
             "--video",
-            help="Also an mp4 and a still of each run; needs OpenGL without a window "
-            "and the extra `video`.",
+            help="Also make an mp4 and a still of each run. Needs OpenGL without a "
+            "window and the extra `video`.",
         ),
     ] = False,
     animation: Annotated[
         bool,
         typer.Option(
             "--animation",
-            help="Also some seconds of each run as an endless WebP; needs OpenGL "
+            help="Also make a looping WebP of some seconds of each run. Needs OpenGL "
             "without a window.",
         ),
     ] = False,
@@ -260,7 +268,7 @@ def report(
 ) -> None:
     """Write a page about runs: plots, 3-D replay, figures, settings, logs.
 
-    The page is one folder that opens offline and can be sent as it is.
+    The page is one folder. It opens offline and can be sent to others.
     """
     from importlib.util import find_spec
 

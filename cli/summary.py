@@ -1,4 +1,4 @@
-"""Tables people read: the result of a run, and the scenarios there are."""
+"""Tables of results, scenarios, studies and records for people to read."""
 
 from __future__ import annotations
 
@@ -32,12 +32,12 @@ if TYPE_CHECKING:
     from surefoot.studies.study import Summaries
 
 _PASSAGE = ("arrived", "left")
-"""What a relay counts besides its faults."""
+"""Counts of a relay that are no faults."""
 
 BAR_WIDTH = 40
 
 SLIVER = 0.126 / BAR_WIDTH
-"""Share that still shows: an eighth of a character."""
+"""Least length of a histogram's bar, as a share: an eighth of a character."""
 
 
 def run_table(result: RunResult) -> Table:
@@ -62,7 +62,7 @@ def run_table(result: RunResult) -> Table:
 
 
 def _add_figures(table: Table, result: RunResult) -> None:
-    """What was measured, of a run that came as far as its first tick."""
+    """Add what was measured, of a run that reached its first tick."""
     _add_motion(table, result)
     _add_forces(table, result)
     _add_force_error(table, result)
@@ -80,7 +80,7 @@ def _add_figures(table: Table, result: RunResult) -> None:
 
 
 def plant_table(result: PlantResult, judgement: Judgement, *, title: str) -> Table:
-    """The figures of the simulated robot alone."""
+    """Return a table of the simulated robot's figures."""
     table = _figures(title)
     _add_outcome(table, judgement)
     if result.ticks:
@@ -95,7 +95,7 @@ def plant_table(result: PlantResult, judgement: Judgement, *, title: str) -> Tab
 def controller_table(
     result: ControllerResult, name: str, *, is_realtime: bool
 ) -> Table:
-    """The figures of the stabilizer alone."""
+    """Return a table of the stabilizer's figures."""
     table = _figures(f"{name}: {in_words(result.end, result.end_detail)}")
     table.add_row("ticks", str(result.ticks))
     table.add_row("controller tick", _times(result.tick_ms))
@@ -179,7 +179,7 @@ def _add_outcome(table: Table, judgement: Judgement) -> None:
 
 
 def _add_motion(table: Table, result: RunResult | PlantResult) -> None:
-    """What counts of one who stood, or of one who walked: there it is the DCM."""
+    """Add CoM errors of a robot that stood, DCM errors of one that walked."""
     if not result.has_walked:
         table.add_row("CoM error rms (x, y, z)", _row(result.com_error_rms_mm, "mm"))
         table.add_row("CoM error max (x, y, z)", _row(result.com_error_max_mm, "mm"))
@@ -280,8 +280,8 @@ def _faults(result: RelayResult) -> str:
 def histogram_table(name: str, histogram: Histogram) -> Table:
     """Return a table with one row per range of times, from the first to the last used.
 
-    Bars are proportional to the share, and whatever happened at all shows at least a
-    sliver: the rare late tick is what one looks for.
+    Bars are proportional to the share. A bar of a used range has at least a visible
+    length, so that rare late ticks show.
     """
     edges, counts = histogram.edges_ms, histogram.counts
     total = sum(counts)
@@ -304,7 +304,7 @@ def histogram_table(name: str, histogram: Histogram) -> Table:
 
 
 def with_histograms(table: Table, histograms: dict[str, Histogram]) -> RenderableGroup:
-    """Return a table of figures with those of its times below it, if there are any."""
+    """Return a table with the histograms of its times, if any, below it."""
     return RenderableGroup(
         table, *map(histogram_table, histograms, histograms.values())
     )
@@ -319,7 +319,7 @@ def _range(edges: list[float], index: int) -> str:
 
 
 def counts_table(counts: Iterable[ChannelCount]) -> Table:
-    """What came on each channel, and what is missing."""
+    """Return a table of what came on each channel, and what is missing."""
     counts = list(counts)
     odd = any(count.unreadable for count in counts)
     headings = ("channel", "messages", "first", "last", "missing", "restarts")
@@ -354,7 +354,7 @@ def outcome_table(outcome: ReplayOutcome) -> Table:
 
 
 def verdict(outcome: ReplayOutcome) -> str:
-    """Say whether all commands are equal, or where they differ."""
+    """Tell whether all commands are equal, or where they differ first and most."""
     if outcome.is_equal:
         return f"all {outcome.compared} commands are equal, bit for bit"
     session = next(session for session in outcome.sessions if session.differing)
@@ -366,8 +366,8 @@ def verdict(outcome: ReplayOutcome) -> str:
         f"differ\n"
         f"first: {_words(first)}\n"
         f"largest: {_words(largest)}\n"
-        "Each tick has the recorded sensors; how the robot would have moved with the "
-        "computed commands is not told by this."
+        "Each tick uses the recorded sensors. This does not tell how the robot would "
+        "have moved with the computed commands."
     )
 
 

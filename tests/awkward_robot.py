@@ -1,8 +1,8 @@
-"""The Walker as somebody else might have drawn and wired it: the same body throughout.
+"""The Walker with other frames and another joint order, for tests.
 
-Frames are turned and shifted in its URDF, joints are listed in another order. Its
-physics is the Walker's, so whatever is worked out for it must be the Walker's answer,
-in other frames and another order. It is made from the Walker's files, never stored.
+In its URDF frames are turned and shifted, and joints are listed in another order. Its
+physics is the Walker's. So every result for it must be the Walker's, in other frames
+and another order. Its files are made from the Walker's at each use.
 """
 
 from __future__ import annotations
@@ -26,27 +26,27 @@ FEET = (
     placement((0.02, -0.01, -0.015), (np.pi, 0.0, 0.7)),
     placement((-0.01, 0.0, 0.01), (1.2, -0.4, -2.5)),
 )
-"""The left sensor with z down, as many are mounted; the right one anyhow."""
+"""The left sensor has z down, as many are mounted; the right one is turned freely."""
 TURN = placement((0.0, 0.0, 0.0), (2.4, -0.9, 3.0))
-"""Of the inertial unit: its x axis points backward and down."""
+"""Attitude of the IMU: its x axis points backward and down."""
 TURNED = Drawing(imu=TURN, feet=FEET)
-"""Readings follow from the Walker's in one line: see :meth:`Awkward.snapshot`."""
+"""Readings are the Walker's in turned frames: see :meth:`Awkward.snapshot`."""
 AWKWARD = Drawing(
     base=placement((0.04, -0.03, 0.11), (1.3, 0.4, -2.8)),
     imu=placement((0.09, -0.12, 0.15), (2.4, -0.9, 3.0)),
     feet=FEET,
 )
-"""The inertial unit far from the middle, too, and the base's frame elsewhere."""
+"""The IMU is off-centre, too, and the base's frame is moved."""
 
 
 @dataclass(frozen=True)
 class Awkward:
-    """An awkward robot, and how to say to it what is said to the Walker.
+    """An awkward robot, and the conversions from the Walker to it.
 
     Attributes:
-        robot: as loaded from its files.
-        walker: the robot it is.
-        drawing: how its frames differ.
+        robot: the robot, loaded from its files.
+        walker: the Walker.
+        drawing: how the frames differ.
         order: (n_a,) ``its_values = walkers_values[order]``, on the bus.
     """
 
@@ -56,28 +56,28 @@ class Awkward:
     order: NDArray[np.intp]
 
     def joints(self, values: Array) -> Array:
-        """(..., n_a) the Walker's joint values in this robot's order."""
+        """Return (..., n_a) the Walker's joint values in this robot's order."""
         return values[..., self.order]
 
     def back(self, values: Array) -> Array:
-        """(..., n_a) this robot's joint values in the Walker's order."""
+        """Return (..., n_a) this robot's joint values in the Walker's order."""
         return values[..., np.argsort(self.order)]
 
     def configuration(self, q: Array) -> Array:
-        """(7 + n_a,) the same pose of the body: Pinocchio's order is by name.
+        """Return (7 + n_a,) the same pose of the body; Pinocchio orders joints by name.
 
-        The model's base has the upright axes, whatever those of the link.
+        The model's base has upright axes, whatever the axes of the base link.
         """
         moved = q.copy()
         moved[:3] = pin.XYZQUATToSE3(q[:7]).act(self.drawing.base.translation)
         return moved
 
     def snapshot(self, reading: Snapshot) -> Snapshot:
-        """What its sensors read where the Walker's read this.
+        """Return this robot's readings where the Walker has the given ones.
 
         Raises:
-            ValueError: the inertial unit is shifted; what it reads follows from the
-                motion, not from one reading.
+            ValueError: the IMU is shifted; then its readings depend on the motion, and
+                not only on the Walker's reading.
         """
         unit = self.drawing.imu
         if unit.translation.any():
@@ -100,8 +100,9 @@ def make_awkward(folder: Path, drawing: Drawing) -> Awkward:
     """Write the robot's two files and load them.
 
     Args:
-        folder: gets the folder ``awkward`` with ``awkward.toml`` and ``awkward.urdf``.
-        drawing: how its frames differ.
+        folder: where the folder ``awkward`` with ``awkward.toml`` and ``awkward.urdf``
+            is made.
+        drawing: how the frames differ.
     """
     walker = load_robot("walker")
     rng = np.random.default_rng(SHUFFLE_SEED)
@@ -115,6 +116,6 @@ def make_awkward(folder: Path, drawing: Drawing) -> Awkward:
 
 
 def _seen_from(frame: pin.SE3, wrench: Vec6) -> Vec6:
-    """(6,) the same wrench in a frame that stands in the present one."""
+    """Return (6,) the same wrench in a frame with a given pose in the present one."""
     seen: Vec6 = frame.actInv(pin.Force(wrench)).vector.copy()
     return seen

@@ -1,4 +1,4 @@
-"""The command ``surefoot`` as a user runs it: a process of its own."""
+"""Runs the command ``surefoot`` as a user does, in a process of its own."""
 
 from __future__ import annotations
 
@@ -17,18 +17,18 @@ Surefoot = Callable[..., subprocess.CompletedProcess[str]]
 
 
 def environment() -> dict[str, str]:
-    """Plain output, and this code whatever is installed."""
+    """Return an environment for plain output and for this code."""
     return {**os.environ, "PYTHONPATH": str(REPOSITORY), **PLAIN}
 
 
 def command(*words: object) -> list[str]:
-    """Command line of a process of its own.
+    """Return the command line for a process of its own.
 
-    One that dials a robot goes on dialing until it is there, unless told otherwise: the
-    robot's process may be slower to start.
+    A command that dials a robot keeps dialing until the robot is there, unless told
+    otherwise, since the robot's process may start more slowly.
 
     Args:
-        words: what follows ``surefoot``.
+        words: the words after ``surefoot``.
     """
     line = [sys.executable, "-m", "surefoot.cli", *map(str, words)]
     if words[0] in DIALING and "--wait" not in words:
@@ -43,8 +43,8 @@ def run_surefoot(
 
     Args:
         arguments: the words after ``surefoot``.
-        cwd: the folder it starts in.
-        patience_s: how long it may take.
+        cwd: folder to start in.
+        patience_s: longest time it may take [s].
     """
     return subprocess.run(
         command(*arguments),
@@ -63,9 +63,9 @@ def run_python(
     """Run this Python to its end.
 
     Args:
-        words: what follows ``python``.
-        cwd: the folder it starts in.
-        more: of the environment.
+        words: the words after ``python``.
+        cwd: folder to start in.
+        more: additional environment variables.
     """
     return subprocess.run(
         [sys.executable, *map(str, words)],
@@ -81,13 +81,13 @@ def run_python(
 def scenario_file(
     folder: Path, duration_s: float, *, name: str = "still", more: str = ""
 ) -> Path:
-    """A scenario on firm ground, named as its file.
+    """Write a scenario on firm ground, with the name of its file.
 
     Args:
-        folder: gets the file.
-        duration_s: how long it takes [s].
-        name: of the scenario.
-        more: what else it says.
+        folder: where the file is written.
+        duration_s: duration of the scenario [s].
+        name: name of the scenario.
+        more: further lines of the file.
     """
     path = folder / f"{name}.toml"
     path.write_text(f'name = "{name}"\nduration_s = {duration_s}\n{more}')
@@ -95,12 +95,12 @@ def scenario_file(
 
 
 def cut_short(name: str, folder: Path, duration_s: float) -> Path:
-    """A shipped scenario that ends earlier.
+    """Write a shorter copy of a shipped scenario.
 
     Args:
-        name: of the scenario.
-        folder: gets a file of that name.
-        duration_s: how long it takes [s].
+        name: name of the scenario.
+        folder: where the file of that name is written.
+        duration_s: duration of the copy [s].
     """
     shipped = REPOSITORY / "sim_robot" / "scenarios" / f"{name}.toml"
     lines = [

@@ -32,21 +32,21 @@ OF_PROCESSES = (
 FIXTURES_OF_PROCESSES = {
     *("endpoints", "endpoint_file", "surefoot", "authority", "meeting"),
 }
-"""What these give is used to talk over a bus, or starts a process."""
+"""Fixtures that use a bus or start a process."""
 
 
 @pytest.fixture
 def endpoints() -> Endpoints:
-    """Both ends of a bus on this host, apart from every other test's."""
+    """Return the endpoints of a bus on this host that no other test uses."""
     return loopback_endpoints()
 
 
 @pytest.fixture
 def endpoint_file(tmp_path: Path, endpoints: Endpoints) -> Path:
-    """The same for commands.
+    """Return an endpoint file for commands on a bus of this test's own.
 
-    With ``--listen`` and ``--connect`` alone, two of them part after half a second of
-    silence. A busy machine may keep one waiting for that long.
+    With only ``--listen`` and ``--connect``, two processes part after half a second of
+    silence, which a busy machine may cause.
     """
     path = tmp_path / "endpoints.toml"
     write_endpoints(path, endpoints)
@@ -59,8 +59,8 @@ def surefoot_here(
 ) -> Surefoot:
     """Run a command of ``surefoot`` in this process, in an empty folder.
 
-    Start-up is most of what a short command takes: as processes, a hundred of them cost
-    minutes. For commands that end by themselves and start no others.
+    Most of a short command's time is its start, and a hundred processes would take
+    minutes. Only for commands that end by themselves and start no others.
     """
     work = tmp_path / "work"
     work.mkdir(exist_ok=True)
@@ -97,7 +97,7 @@ def surefoot_here(
 def surefoot(tmp_path: Path, surefoot_here: Surefoot) -> Surefoot:
     """Run a command of ``surefoot`` in an empty folder, as a process of its own.
 
-    Unless it is run with ``--inline``: that starts no other process either.
+    With ``--inline`` it runs in this process, since it starts no others.
     """
     work = tmp_path / "work"
 
@@ -111,14 +111,14 @@ def surefoot(tmp_path: Path, surefoot_here: Surefoot) -> Surefoot:
 
 @pytest.fixture
 def short_scenario(tmp_path: Path) -> Path:
-    """Standing on firm ground for a fraction of a second."""
+    """Return a scenario: standing on firm ground for a fraction of a second."""
     noise = "[sensors]\nforce_noise_n = 2.0\n"
     return scenario_file(tmp_path, 0.3, name="short", more=noise)
 
 
 @pytest.fixture
 def files(tmp_path: Path) -> Path:
-    """The Walker's files to be damaged; the path of its TOML."""
+    """Copy the Walker's files, to be damaged; return the path of its TOML."""
     for kind in ("urdf", "toml"):
         shutil.copy(ROBOTS_DIR / "walker" / f"walker.{kind}", tmp_path)
     return tmp_path / "walker.toml"
@@ -126,25 +126,25 @@ def files(tmp_path: Path) -> Path:
 
 @pytest.fixture
 def patient_walker(tmp_path: Path) -> Path:
-    """The Walker in a file that waits for a commander on a busy machine."""
+    """Return a robot file of the Walker that waits long for its commander."""
     return patient_robot_file(tmp_path)
 
 
 @pytest.fixture(scope="session", autouse=True)
 def one_name_for_each_module() -> Iterator[None]:
-    """No test loads a module of ours under a second name."""
+    """Check that no test loads a module of ours under a second name."""
     yield
     assert modules_with_two_names() == {}
 
 
 def needs_process(item: pytest.Item) -> bool:
-    """Whether one of its fixtures leads to a bus or a process."""
+    """Return whether one of a test's fixtures leads to a bus or a process."""
     fixtures = getattr(item, "fixturenames", ())
     return not FIXTURES_OF_PROCESSES.isdisjoint(fixtures)
 
 
 def check_usual_cases(items: list[pytest.Item]) -> None:
-    """A usual case that is not there would leave all of a test's cases slow, unseen."""
+    """Check that each usual case exists; else all cases of its test would be slow."""
     left: dict[str, set[str]] = {}
     for item in items:
         usual = item.get_closest_marker("usual")
@@ -159,10 +159,10 @@ def check_usual_cases(items: list[pytest.Item]) -> None:
 def pytest_collection_modifyitems(
     config: pytest.Config, items: list[pytest.Item]
 ) -> None:
-    """Mark what meets others on a bus, starts processes or a browser, by its place.
+    """Mark tests that use a bus, processes or a browser, by their place.
 
-    Everything else answers within a minute: ``-m "not (closed_loop or process or
-    browser)"``. Of a test with usual cases, the others are slow.
+    All others take a minute: ``-m "not (closed_loop or process or browser)"``. In a
+    test with usual cases, the other cases are slow.
     """
     if not any("::" in word for word in config.args):
         check_usual_cases(items)
@@ -179,16 +179,16 @@ def pytest_collection_modifyitems(
 
 
 def pytest_configure() -> None:
-    """Ctrl-C reaches the processes under test, whoever started the tests.
+    """Make sure that Ctrl-C reaches the processes under test.
 
-    A shell starts background jobs with SIGINT ignored, and every child inherits that.
+    A shell starts background jobs with SIGINT ignored, and children inherit that.
     """
     if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
         signal.signal(signal.SIGINT, signal.default_int_handler)
 
 
 def pytest_terminal_summary(terminalreporter: pytest.TerminalReporter) -> None:
-    """What is left out is said, lest it be taken for tested."""
+    """Report the tests that are left out."""
     left_out = [
         item
         for item in terminalreporter.stats.get("deselected", [])

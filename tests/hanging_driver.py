@@ -23,10 +23,10 @@ STANDING_N = 600.0
 
 
 class HangingRobot:
-    """At rest in the nominal posture, on its left foot."""
+    """A robot at rest in the nominal posture that stands on its left foot."""
 
     def __init__(self, model: RobotModel) -> None:
-        """Compute what the sensors read."""
+        """Compute the sensors' readings."""
         from tests.stabilizer.standing_snapshot import airborne_snapshot
 
         reading = airborne_snapshot(model)
@@ -37,11 +37,11 @@ class HangingRobot:
         self._reading = replace(reading, ft_left=left, ft_right=hanging + OFFSET)
 
     def read(self, tick: int, stamp_ns: int) -> Snapshot:
-        """Return the same, of now."""
+        """Return the readings, with the present stamp."""
         return replace(self._reading, tick=tick, stamp_ns=stamp_ns)
 
     def write(self, q_command: Array) -> None:
-        """Hang on."""
+        """Ignore the command."""
 
 
 if __name__ == "__main__":

@@ -1,4 +1,4 @@
-"""Other humanoids for a test; without the wheel that holds one the test is skipped."""
+"""Other humanoids; a test is skipped without the package that holds the robot."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from surefoot.robot_files.new_robot import NewRobot
 
 
 def make_humanoid(name: str, out: Path) -> NewRobot:
-    """Make one of these robots as the command does."""
+    """Make one of these robots as ``surefoot new-robot`` does."""
     try:
         return HUMANOIDS[name].make(out)
     except NoWheelError as error:

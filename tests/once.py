@@ -1,4 +1,4 @@
-"""What several files of tests look at is made once, whichever worker asks first."""
+"""Makes what several test files use once, by the first worker that asks."""
 
 from __future__ import annotations
 
@@ -16,12 +16,12 @@ from tests.command import run_surefoot, scenario_file
 def made_once(
     folders: pytest.TempPathFactory, name: str, make: Callable[[Path], object]
 ) -> Path:
-    """A folder that all workers of these tests share, for tests that do not change it.
+    """Return a folder that all workers share, for tests that do not change it.
 
     Args:
-        folders: where this worker keeps its own.
-        name: of the folder.
-        make: fills it; a failure is not kept, so the next who asks sees it, too.
+        folders: this worker's own folders.
+        name: name of the folder.
+        make: fills the folder; after a failure the next caller tries again.
     """
     own = folders.getbasetemp()
     place = own.parent if "PYTEST_XDIST_WORKER" in os.environ else own
@@ -37,7 +37,7 @@ def made_once(
 
 
 def short_run(folders: pytest.TempPathFactory) -> Path:
-    """A folder of a run of 300 ticks on the bus under the controller that holds."""
+    """Return the folder of a run of 300 ticks on the bus that holds its posture."""
 
     def make(folder: Path) -> None:
         scenario = scenario_file(folder, 0.3, name="short")

@@ -1,4 +1,4 @@
-"""Looks for modules that were loaded under two names."""
+"""Finds modules that were loaded under two names."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from tests.command import REPOSITORY
 
 
 def modules_with_two_names() -> dict[str, list[str]]:
-    """Files of this repository and the names they are loaded by, where several."""
+    """Return the files of this repository that have several names, with the names."""
     names: dict[str, list[str]] = defaultdict(list)
     for name, module in list(sys.modules.items()):
         file = getattr(module, "__file__", None)

@@ -1,7 +1,8 @@
-"""What stands in real time on a machine of any speed, for tests of something else.
+"""A robot and settings that stand in real time on a machine of any speed.
 
-On a busy machine commands come late. The Walker's gate then holds, or gives up, as it
-should; and a stabilizer that yields to forces sways with old readings, as it must.
+For tests of something else. On a busy machine commands come late. The Walker's gate
+then holds or goes to fault, and a stabilizer that yields to forces sways with old
+readings. Both are correct, but would disturb those tests.
 """
 
 from __future__ import annotations
@@ -15,7 +16,7 @@ from surefoot.robot_io.robot import Robot, find_robot, load_robot
 from surefoot.schemas.settings import ControllerSettings, build_settings
 
 HOLD_AFTER_S = 0.5
-"""Silence of a commander that the robot takes for the loss of it."""
+"""Silence of a commander after which the robot holds [s]."""
 GATE = {
     "hold_after_s": HOLD_AFTER_S,
     "fault_after_s": 600.0,
@@ -28,36 +29,38 @@ JUDGED = {
     "fault_after_s": 2.0,
     "max_command_age_s": 0.5,
 }
-"""For a conformance run, which waits for the gate to lose patience and sends what is
-a second old: long against the pauses of a busy machine, short enough to wait for."""
+"""Times for a conformance run [s].
+
+It waits until the gate holds, and sends commands a second old. So the times are longer
+than the pauses of a busy machine, but short enough to wait for.
+"""
 GENTLE = ("dik.k_force=-1000", "ground.gain=0")
-"""Yields so slowly that it stands still with readings 50 ms old, where the defaults
-sway from 5 ms on."""
+"""A foot yields so slowly that readings 50 ms old do no harm; defaults bear 5 ms."""
 
 
 def patient(robot: Robot, **gate: float) -> Robot:
-    """The same robot with a gate that waits long for its commander.
+    """Return the same robot with a gate that waits long for its commander.
 
     Args:
         robot: the robot.
-        gate: values of the gate's table that shall be others.
+        gate: values of the gate's table to change.
     """
     changed = msgspec.structs.replace(robot.file.gate, **{**GATE, **gate})
     return replace(robot, file=msgspec.structs.replace(robot.file, gate=changed))
 
 
 def judged_walker() -> Robot:
-    """The Walker for a conformance run."""
+    """Return the Walker for a conformance run."""
     return patient(load_robot("walker"), **JUDGED)
 
 
 def patient_robot_file(folder: Path, below: Path | None = None, **gate: float) -> Path:
-    """The same, as a robot file on top of another.
+    """Write the same as a robot file that extends another one.
 
     Args:
-        folder: gets ``patient.toml``.
-        below: the other one; the Walker's when None.
-        gate: values of the gate's table that shall be others.
+        folder: where ``patient.toml`` is written.
+        below: the extended file; the Walker's when None.
+        gate: values of the gate's table to change.
     """
     values = "\n".join(f"{key} = {value}" for key, value in {**GATE, **gate}.items())
     path = folder / "patient.toml"
@@ -67,5 +70,5 @@ def patient_robot_file(folder: Path, below: Path | None = None, **gate: float) -
 
 
 def gentle_settings() -> ControllerSettings:
-    """Settings of a stabilizer that stands with old readings."""
+    """Return settings of a stabilizer that stands with old readings."""
     return build_settings({}, overrides=list(GENTLE))

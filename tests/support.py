@@ -1,4 +1,4 @@
-"""What tests share: patience instead of sleeps, what a run leaves, a short scenario."""
+"""Helpers of all tests: waiting instead of sleeping, files of runs, a scenario."""
 
 from __future__ import annotations
 
@@ -17,23 +17,25 @@ from surefoot.robot_io.robot import Robot
 
 _T = TypeVar("_T")
 PATIENCE_S = 300.0 * float(os.environ.get("SUREFOOT_TEST_PATIENCE", "1"))
-"""How long anything that must happen is waited for: the one bound in seconds of all
-tests. It only ends what is broken, so it is far beyond what a slow machine beside other
-work needs: nothing is measured by it."""
+"""Longest wait for anything that must happen [s].
+
+It is the only time limit of all tests. It only ends broken runs, so it is far longer
+than a slow and busy machine needs; nothing is measured by it.
+"""
 _PAUSE_S = 0.01
-"""Asked more often, what only waits would take the processor from what it waits for."""
+"""Pause between checks [s]; shorter ones would slow what is waited for."""
 
 
 def wait_until(
     condition: Callable[[], _T], *, what: str, patience_s: float = PATIENCE_S
 ) -> _T:
-    """Ask again and again until the answer is truthy.
+    """Evaluate a condition repeatedly until it is true.
 
     Returns:
-        That answer.
+        The condition's value.
 
     Raises:
-        AssertionError: patience ended first.
+        AssertionError: it was not true in time.
     """
     end = time.monotonic() + patience_s
     while not (answer := condition()):
@@ -43,7 +45,7 @@ def wait_until(
 
 
 def free_port() -> int:
-    """A TCP port nobody listens on at 127.0.0.1."""
+    """Return a TCP port at 127.0.0.1 on which nobody listens."""
     with socket.socket() as probe:
         probe.bind(("127.0.0.1", 0))
         port: int = probe.getsockname()[1]
@@ -51,7 +53,7 @@ def free_port() -> int:
 
 
 def is_gone(process: int) -> bool:
-    """Whether a process of that id has ended."""
+    """Return whether the process of an id has ended."""
     try:
         os.kill(process, 0)
     except ProcessLookupError:
@@ -60,7 +62,7 @@ def is_gone(process: int) -> bool:
 
 
 def ticks_on_disk(out: Path) -> int:
-    """How many ticks of a run that goes on can be read from its folder."""
+    """Return how many ticks of a run under way can be read from its folder."""
     try:
         return sf.read_signals(out).count
     except sf.UsageError:
@@ -78,9 +80,9 @@ ROLLING = sf.Scenario(
     ],
     sensors=sf.Sensors(force_noise_n=2.0, gyro_noise_rad_s=0.002),
 )
-"""Half a second in which every signal moves, with noise that depends on the seed."""
+"""Half a second in which every signal moves, with noise from the seed."""
 
 
 def with_rate(robot: Robot, rate_hz: float) -> Robot:
-    """The same robot at another control rate."""
+    """Return the same robot at another control rate."""
     return replace(robot, file=msgspec.structs.replace(robot.file, rate_hz=rate_hz))

@@ -1,7 +1,8 @@
-"""The house stays as docs/architecture.md draws it.
+"""The structure of the code is that of docs/architecture.md.
 
-Layers and libraries are checked by import-linter (``make lint``). Here: no import
-circle, one name per module, rooms within bounds, one name in site-packages.
+Import-linter checks layers and libraries (``make lint``). The tests here check that
+there is no import cycle, that each module has one name, that packages stay small, and
+that only one name is installed.
 """
 
 from __future__ import annotations
@@ -22,15 +23,15 @@ from packaging.specifiers import SpecifierSet
 ROOT = Path(__file__).parents[1]
 LIBRARY = "surefoot"
 LINKED = ("schemas", "robot_io", "stabilizer", "sim_robot", "cli")
-"""Folders of the root that are linked into the library's."""
+"""Folders at the root that are linked into the library's folder."""
 MOST_MODULES = 217
 MOST_CLI_LINES = 6000
 MOST_ROBOT_IO_ENTRIES = 20
-"""Modules and folders on robot_io's top floor: what a screen shows at once."""
+"""Modules and folders at the top of robot_io, which should fit on a screen."""
 
 
 def module_files(package: Path) -> dict[str, Path]:
-    """Module name to file, folders behind links included."""
+    """Return the file of each module by name, including folders behind links."""
     found = {}
     for folder, _, names in os.walk(package, followlinks=True):
         for name in names:
@@ -46,7 +47,7 @@ MODULES = module_files(ROOT / LIBRARY)
 
 
 def at_import(body: list[ast.stmt]) -> Iterator[ast.Import | ast.ImportFrom]:
-    """Imports that run when the module does: not in functions, not for types only."""
+    """Yield imports that run with the module: not in functions, not for types only."""
     for node in body:
         if isinstance(node, ast.Import | ast.ImportFrom):
             yield node
@@ -60,7 +61,7 @@ def at_import(body: list[ast.stmt]) -> Iterator[ast.Import | ast.ImportFrom]:
 
 
 def imported(node: ast.Import | ast.ImportFrom) -> Iterator[str]:
-    """Names that an import may bind; some are modules, some are in modules."""
+    """Yield the names that an import may bind: modules, or names in modules."""
     if isinstance(node, ast.Import):
         yield from (alias.name for alias in node.names)
     elif node.module is not None:
@@ -69,7 +70,7 @@ def imported(node: ast.Import | ast.ImportFrom) -> Iterator[str]:
 
 
 def needs(text: str) -> set[str]:
-    """Modules of the library that a module loads when it is imported."""
+    """Return the library's modules that a module loads when it is imported."""
     found = set()
     for node in at_import(ast.parse(text).body):
         for name in imported(node):
@@ -79,10 +80,10 @@ def needs(text: str) -> set[str]:
 
 
 def order(graph: dict[str, set[str]]) -> list[str]:
-    """Every module after those it needs.
+    """Return the modules such that each comes after those it needs.
 
     Raises:
-        CycleError: there is no such order; its second argument is the circle.
+        CycleError: there is no such order; its second argument is the cycle.
     """
     return list(TopologicalSorter(graph).static_order())
 

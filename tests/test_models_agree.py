@@ -1,4 +1,4 @@
-"""MuJoCo's model and Pinocchio's, from the same robot files, are the same robot."""
+"""MuJoCo's and Pinocchio's models of the same robot files are the same robot."""
 
 from __future__ import annotations
 
@@ -26,9 +26,9 @@ VELOCITY_SPREAD = 1.0
 class Pair:
     """Both models in the same state.
 
-    ``T_mj_pin`` (nv, nv) maps Pinocchio's velocity (base twist in base, joints in
-    URDF order) to MuJoCo's (world-linear, body-angular, joints in its own order);
-    ``drift`` (nv,) is its rate of change times the velocity.
+    ``T_mj_pin`` (nv, nv) maps Pinocchio's velocity (base twist in base, joints in URDF
+    order) to MuJoCo's (world-linear, body-angular, joints in its own order). ``drift``
+    (nv,) is its rate of change times the velocity.
     """
 
     robot: Robot
@@ -67,7 +67,7 @@ def models(
 
 @pytest.fixture
 def pairs(models: tuple[Robot, World, pin.Model]) -> Iterator[Pair]:
-    """The same random states for every test."""
+    """Return the same random states for every test."""
     robot, world, pin_model = models
     rng = np.random.default_rng(20261122)
     return (_random_pair(robot, world, pin_model, rng) for _ in range(STATES))
@@ -105,7 +105,7 @@ def _random_pair(
 
 
 def assert_close(actual: Array, expected: Array) -> None:
-    """Within RELATIVE of the largest entry."""
+    """Check that entries agree within RELATIVE of the largest one."""
     scale = float(np.abs(expected).max())
     np.testing.assert_allclose(actual, expected, rtol=0.0, atol=RELATIVE * scale)
 

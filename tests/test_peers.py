@@ -1,4 +1,4 @@
-"""The comparison with peers: its table, and (slow) the command."""
+"""The comparison with other libraries: its table, and (slow) the command."""
 
 from __future__ import annotations
 

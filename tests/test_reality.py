@@ -1,4 +1,4 @@
-"""The study of imperfect robots: what it draws, and what its table says."""
+"""The study of imperfect robots: the drawn robots, and the table."""
 
 from __future__ import annotations
 

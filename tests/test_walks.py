@@ -1,4 +1,4 @@
-"""The study of walks: what its lines draw, and what its table says."""
+"""The study of walks: the drawn walks, and the table."""
 
 from __future__ import annotations
 

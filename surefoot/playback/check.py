@@ -1,4 +1,4 @@
-"""Runs the controller on a record and compares its commands with the recorded ones."""
+"""Computes a record's commands again and compares them with the recorded ones."""
 
 from __future__ import annotations
 
@@ -63,23 +63,23 @@ def replay(
 ) -> ReplayOutcome:
     """Compute the commands of a record again from its sensors, and compare.
 
-    The robot does not follow the new commands: every tick has the sensors that were
-    recorded.
+    The robot does not follow the new commands: each tick has the recorded sensors.
 
     Args:
         file: a record (.mcap), or the folder of a run that holds one.
         controller: a name as on the command line; None for the recorded one.
         settings: see :func:`surefoot.simulate`; None for those of the record.
-        robot: None for the one that is attached to the record.
-        until_s: compare this much from the first tick [s]; None for all.
+        robot: None for the one attached to the record.
+        until_s: compare this much from the first tick on [s]; None for all.
         on_tick: called with each tick.
 
     Returns:
-        What was compared, and the first command that differs, bit for bit.
+        Counts of compared and differing commands, with the first and the largest
+        difference.
 
     Raises:
-        UsageError: no such file, or it holds nothing to compute again.
-        ControllerError: no such controller.
+        UsageError: there is no such file, or it holds nothing to compute again.
+        ControllerError: there is no such controller.
     """
     timeline = read_timeline(Path(file))
     resolved = (
@@ -103,14 +103,14 @@ def replay(
 
 
 def recorded_settings(timeline: Timeline, overrides: list[str]) -> ControllerSettings:
-    """Return the settings attached to a record, with some replaced.
+    """Return the settings attached to a record, with overrides.
 
     Args:
-        timeline: the record; without settings the defaults are meant.
+        timeline: the record; the defaults are used if it has no settings.
         overrides: texts ``section.name=value``.
 
     Raises:
-        FileFormatError: they cannot be used.
+        FileFormatError: the settings cannot be used.
     """
     table: dict[str, Any] = {}
     data = timeline.record.attachments.get(SETTINGS)
@@ -133,16 +133,16 @@ def check(
     until_s: float | None,
     on_tick: Callable[[int], None],
 ) -> ReplayOutcome:
-    """Compute all commands of a record again.
+    """Compute all commands of a record again, and compare.
 
     Args:
         timeline: the record.
-        robot: it was made of.
-        settings: the controllers were made with.
-        file: named in the outcome.
+        robot: the recorded robot.
+        settings: the controllers' settings at their start.
+        file: path to name in the outcome.
         law: name of the controller to use; None for the recorded one.
-        overrides: settings among them that its controllers must read.
-        until_s: compares this much from the first tick [s]; None for all.
+        overrides: settings that the controllers must read.
+        until_s: compare this much from the first tick on [s]; None for all.
         on_tick: called with each tick.
 
     Raises:
@@ -201,13 +201,13 @@ def check(
 
 
 def _followable(session: Session, notes: list[str]) -> Session | None:
-    """Return the part of a session that the record holds all of."""
+    """Return the part of a session before its first gap; None without its start."""
     who = session.commander
     if 0 not in session.starts:
         tick = session.commands[0].tick
         notes.append(
-            f"{who} commanded before the record begins (tick {tick}): its controller's "
-            "state then is not known"
+            f"{who} commanded before the record begins (tick {tick}): the state of "
+            "its controller is unknown"
         )
         return None
     if session.missing:
@@ -228,7 +228,7 @@ def _followable(session: Session, notes: list[str]) -> Session | None:
 def _of_session(
     inputs: Inputs, session: Session, told: Sequence[StabilizerStatus]
 ) -> Inputs:
-    """Keep the session's own changes, steps and stop, and all references."""
+    """Keep the changes, plans and stop of one session, and all references."""
     first, last = session.commands[0].tick, session.commands[-1].tick
     stops = [
         status.tick
@@ -244,7 +244,7 @@ def _of_session(
 
 
 def _doubts(inputs: Inputs, mode: str, *, stale: int) -> list[str]:
-    """Describe what besides code and settings can make commands differ."""
+    """Return what besides code and settings may explain differences."""
     doubts = []
     if stale:
         doubts.append(
@@ -253,19 +253,19 @@ def _doubts(inputs: Inputs, mode: str, *, stale: int) -> list[str]:
         )
     if inputs.references:
         doubts.append(
-            "a planner gave references: from which tick on each counted is not "
-            "recorded, and taken from the stamps"
+            "a planner gave references: the record does not tell from which tick on "
+            "each counted, so their stamps are used"
         )
-    if mode != "lockstep":  # a record made by hand does not say
+    if mode != "lockstep":  # records of surefoot record do not tell their mode
         doubts.append(
-            "in real time a sensor's message may have reached the recorder and been "
-            "late for the stabilizer, which the record does not tell"
+            "in real time a sensor's message may have reached the recorder but been "
+            "late for the stabilizer; the record does not tell"
         )
     return doubts
 
 
 class _Said:
-    """Messages of a record's first round, decoded."""
+    """Decoded messages of a record, up to the robot's first restart."""
 
     def __init__(
         self, timeline: Timeline, robot: Robot, *, until_s: float | None
@@ -286,7 +286,9 @@ class _Said:
                 self.notes.append(f"the attached {MARKER} cannot be read ({error})")
         entries = [entry for entry in timeline.entries if entry.round == 0]
         if len(entries) < len(timeline.entries):
-            self.notes.append("the robot began anew: only what came before is compared")
+            self.notes.append(
+                "the robot restarted: only ticks before that are compared"
+            )
         self.entries = self._settled(entries)
         if until_s is not None:
             end = timeline.first_tick + round(until_s / robot.period_s)
@@ -294,11 +296,11 @@ class _Said:
 
     @property
     def mode(self) -> str:
-        """How the run was paced; empty when that is not attached."""
+        """Pace of the run; empty if unknown."""
         return str(self._about.get("mode", ""))
 
     def of(self, kind: type[M]) -> list[M]:
-        """Return all messages of a kind that can be read, in order."""
+        """Return all readable messages of a kind, in order."""
         channel = _CHANNELS[kind]
         decoded = (
             self._decoded(entry, kind)
@@ -308,10 +310,10 @@ class _Said:
         return [message for message in decoded if message is not None]
 
     def law_of(self, session: Session) -> str:
-        """Return the name of the controller that commanded.
+        """Return the name of the controller in a session.
 
         Raises:
-            UsageError: nothing says so.
+            UsageError: the record does not tell.
         """
         first, last = session.commands[0].tick, session.commands[-1].tick
         for status in self.of(StabilizerStatus):
@@ -335,11 +337,11 @@ class _Said:
             return None
 
     def _settled(self, entries: list[Entry]) -> list[Entry]:
-        """Leave out commands that came so late that the record may lack their cause.
+        """Leave out last commands whose sensors the record may lack.
 
-        The recorder writes, a moment at a time, channel by channel with ``status`` as
-        the last. A command may be in one moment and its sensors in the next, which a
-        record that ends in the middle of a run need not hold whole.
+        The recorder writes in batches, channel by channel, with ``status`` last. A
+        command may be in one batch and its sensors in the next, which is missing if
+        the record ends in the middle of a run.
         """
         statuses = [entry for entry in entries if entry.channel == "status"]
         last = self._decoded(statuses[-1], RobotStatus) if statuses else None

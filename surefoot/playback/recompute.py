@@ -31,13 +31,13 @@ from surefoot.stabilizer.safety.safety import Safety
 
 
 class Start(NamedTuple):
-    """The controller begins, or begins anew after a hold.
+    """A start of the controller: at the beginning, or again after a hold.
 
     Attributes:
-        commander: identity.
-        tick: at which the robot was enabled.
-        held_tick: at which it began to hold before that; -1 at the very beginning.
-        q_held: (n_a,) posture it held [rad].
+        commander: identity of the stabilizer.
+        tick: tick at which the robot was enabled.
+        held_tick: tick at which the hold before it began; -1 at the beginning.
+        q_held: (n_a,) joint positions held until then [rad].
     """
 
     commander: str
@@ -51,12 +51,12 @@ class Session:
     """One stabilizer, from its first command to its last.
 
     Attributes:
-        commander: identity.
-        commands: in order of sequence.
-        starts: posture the controller begins from, by index of the command that is
-            the first to answer from there; index 0 is missing when the record begins
-            later than the stabilizer.
-        missing: commands that the record lacks between the first and the last.
+        commander: identity of the stabilizer.
+        commands: its commands by sequence number.
+        starts: start by index of the first command after it; index 0 is missing when
+            the record begins later than the stabilizer.
+        missing: number of commands between the first and the last that the record
+            lacks.
     """
 
     commander: str
@@ -68,7 +68,7 @@ class Session:
 def find_sessions(
     commands: Iterable[JointCommand], statuses: Iterable[RobotStatus]
 ) -> list[Session]:
-    """Tell the stabilizers of a record apart."""
+    """Split the commands of a record by stabilizer, with the starts of each."""
     sessions: list[Session] = []
     for command in commands:
         last = sessions[-1] if sessions else None
@@ -97,8 +97,8 @@ def find_sessions(
 def find_starts(statuses: Iterable[RobotStatus]) -> list[Start]:
     """Find every time a commander began to command the robot.
 
-    A robot just enabled has no command yet; one that has only missed commands for a
-    while goes on with the last one's age, and its controller knows of nothing.
+    A robot that was just enabled has no command yet. If commands were only missing for
+    a while, ``command_age_s`` continues, and the controller did not start anew.
     """
     starts: list[Start] = []
     held_tick = -1
@@ -124,10 +124,10 @@ def find_starts(statuses: Iterable[RobotStatus]) -> list[Start]:
 
 
 def _place(session: Session, starts: Sequence[Start]) -> None:
-    """Find the first command after each start.
+    """Assign each start to the first command after it.
 
-    Commands from before a hold answer ticks no later than the one it began at; so
-    ticks tell which are which, whatever the clocks of the two sides say.
+    Commands from before a hold answer ticks up to the tick at which it began. So ticks
+    separate them, whatever the clocks of the two sides show.
     """
     ticks = [command.tick for command in session.commands]
     for start in starts:
@@ -137,7 +137,7 @@ def _place(session: Session, starts: Sequence[Start]) -> None:
 
 
 class Difference(msgspec.Struct, kw_only=True, frozen=True):
-    """A joint whose command was another one."""
+    """A joint whose computed command differs from the recorded one."""
 
     tick: int
     time_s: float
@@ -150,55 +150,54 @@ class Difference(msgspec.Struct, kw_only=True, frozen=True):
 
     @property
     def error(self) -> float:
-        """Computed less recorded [rad]."""
+        """Computed minus recorded [rad]."""
         return self.computed - self.recorded
 
 
 class SessionOutcome(msgspec.Struct, kw_only=True):
-    """One stabilizer of the record."""
+    """Comparison for one stabilizer of the record."""
 
     commander: str
     controller: str
     first_tick: int
     last_tick: int
     compared: int = 0
-    """Commands compared."""
+    """Number of commands compared."""
     differing: int = 0
-    """Commands that are not equal bit for bit."""
+    """Number of commands that are not equal bit for bit."""
     stale: int = 0
-    """Ticks compared for which the record lacks the message of a sensor."""
+    """Ticks compared for which the record lacks a sensor's message."""
     first: Difference | None = None
-    """The first that differs; of its joints the one that differs most."""
+    """First differing command, with its joint that differs most."""
     largest: Difference | None = None
-    """The largest difference of any joint at any tick."""
+    """Largest difference of any joint at any tick."""
 
 
 class ReplayOutcome(msgspec.Struct, kw_only=True):
-    """The whole record."""
+    """Comparison for the whole record."""
 
     file: str
     robot: str
     is_cut_off: bool
     is_equal: bool
-    """Whether all commands compared are equal bit for bit."""
+    """Whether all compared commands are equal bit for bit."""
     compared: int
     sessions: list[SessionOutcome]
     notes: list[str]
-    """What was other than when the record was made, or could not be compared."""
+    """Differences from the recorded versions, and what could not be compared."""
 
 
 @dataclass(frozen=True)
 class Inputs:
-    """What a controller was given.
+    """Inputs of a controller besides its sensors.
 
     Attributes:
-        robot: its files.
-        settings: it was made with.
-        changes: of settings while it ran, in order.
-        references: of a planner, in order.
-        plans: steps that it took over while it ran, in order; each from its tick on.
-        stop_tick: from which on it came to rest, since it was asked to stop; None for
-            one that was not.
+        robot: the robot's files.
+        settings: settings at the start.
+        changes: changes of settings while it ran, in order.
+        references: references of a planner, in order.
+        plans: accepted plans of steps, in order; each counts from its tick on.
+        stop_tick: first tick of the soft stop; None without one.
     """
 
     robot: Robot
@@ -217,16 +216,15 @@ def recompute(
     controller: str,
     on_tick: Callable[[int], None],
 ) -> SessionOutcome:
-    """Answer the same ticks with the present code, and compare.
+    """Answer the recorded ticks with the present code, and compare the commands.
 
-    The robot does not follow the new commands: every tick has the sensors that were
-    recorded, whatever was answered before.
+    The robot does not follow the new commands: each tick has the recorded sensors.
 
     Args:
         session: commands and starts; index 0 must be among the starts.
         sensors: at or before the session's first tick.
-        inputs: what the controller was given besides.
-        controller: name of the law.
+        inputs: other inputs of the controller.
+        controller: name of the control law.
         on_tick: called with each tick.
     """
     commands = session.commands
@@ -244,7 +242,7 @@ def recompute(
         reading, start = sensors.at(command.tick), session.starts.get(index)
         if reading is None:
             if start is not None:
-                safety = None  # what the controller began with is not in the record
+                safety = None  # the record lacks the sensors of this start
             continue
         if start is not None and index > 0:
             gains.resume(command.tick)
@@ -292,7 +290,7 @@ def _compare(
 
 
 class _Gains:
-    """Leads the controller through the recorded changes of settings."""
+    """Applies the recorded changes of settings to the controller."""
 
     def __init__(self, inputs: Inputs) -> None:
         self._tunable: Tunable | None = None
@@ -301,11 +299,11 @@ class _Gains:
 
     @property
     def settings(self) -> ControllerSettings:
-        """As they are now."""
+        """The settings at this tick."""
         return self._ramp.settings
 
     def serve_controller(self, law: Controller) -> None:
-        """Give new gains to this one from now on, if it can take any."""
+        """Send changed settings to this controller from now on, if it takes them."""
         self._tunable = law if isinstance(law, Tunable) else None
 
     def advance(self, tick: int) -> None:
@@ -314,7 +312,7 @@ class _Gains:
         self._move()
 
     def resume(self, tick: int) -> None:
-        """Move the settings for the tick at which a hold ended, which had no answer."""
+        """Move the settings for the tick that ended a hold, which had no answer."""
         self._begin(before=tick)
         self._move()
 
@@ -337,7 +335,7 @@ class _Gains:
 
 
 class _Newest:
-    """A planner's newest reference when the sensors of a tick were taken."""
+    """The newest reference of a planner at the stamp of a tick's sensors."""
 
     def __init__(self, messages: Sequence[Reference]) -> None:
         self._coming = list(messages)

@@ -1,4 +1,4 @@
-"""A record's messages in the order of the robot's ticks: joined, or on a bus again."""
+"""A record's messages in the order of ticks; joined to readings, or played on a bus."""
 
 from __future__ import annotations
 
@@ -52,22 +52,22 @@ _RANKS = {
 LONGEST_NAP_S = 0.05
 """Longest sleep of a slow replay before it checks for a stop [s]."""
 SHORTEST_NAP_S = 0.0005
-"""Shorter waits are left out, and made up for later."""
+"""Shorter waits are skipped; the next one makes up for them [s]."""
 LARGEST_LAG_S = 0.1
-"""Lag beyond which a replay no longer catches up [s]."""
+"""A replay that lags by more does not catch up the rest [s]."""
 
 
 class Entry(NamedTuple):
-    """A message of the record.
+    """One message of the record.
 
     Attributes:
-        round: 0, and one more each time the robot's ticks began anew.
-        tick: the robot's tick it belongs to.
-        stamp_ns: clock of its sender [ns].
-        rank: of its channel within a tick.
-        place: in the file.
-        channel: its name in the topic table.
-        data: as recorded.
+        round: number of the robot's restarts before it.
+        tick: the robot's tick that it belongs to.
+        stamp_ns: stamp by its sender's clock [ns].
+        rank: order of its channel within a tick.
+        place: position in the file.
+        channel: name in the topic table.
+        data: bytes as recorded.
     """
 
     round: int
@@ -84,11 +84,11 @@ class Timeline:
     """A record in order.
 
     Attributes:
-        record: attachments, and whether it is cut off.
-        entries: messages in the order of round, tick and stamp. Ticks are what robot
-            and stabilizer have in common; their clocks may differ.
-        first_tick: of the sensors.
-        last_tick: of the last round.
+        record: the record with its attachments.
+        entries: messages ordered by round, tick and stamp. Ticks are common to robot
+            and stabilizer; their clocks may differ.
+        first_tick: first tick of the sensors.
+        last_tick: last tick of the sensors in the last round.
     """
 
     record: Record
@@ -98,10 +98,10 @@ class Timeline:
 
 
 def read_timeline(path: Path) -> Timeline:
-    """Read a record, or that of a run's folder, into memory and bring it in order.
+    """Read a record, or that of a run's folder, into memory, and put it in order.
 
-    The recorder writes what came in a moment channel by channel, so the order of the
-    file is not that of the bus.
+    The recorder writes in batches, channel by channel, so the order of the file is not
+    that of the bus.
 
     Raises:
         UsageError: it cannot be read, or holds no sensor messages.
@@ -127,7 +127,7 @@ _ORDER = attrgetter("round", "tick", "stamp_ns", "rank", "place")
 
 
 class _Collector:
-    """Takes messages in the order of the file."""
+    """Collects messages in the order of the file."""
 
     def __init__(self) -> None:
         self.entries: list[Entry] = []
@@ -138,9 +138,9 @@ class _Collector:
     def take(self, channel: str, message: RecordedMessage) -> None:
         self._place += 1
         if channel not in _RANKS:
-            return  # of another program
+            return  # a channel of another program
         tick = message.sequence
-        if channel in PLANNERS:  # what counts is when it came
+        if channel in PLANNERS:  # belongs to the tick at which it came
             tick = max(self._ticks[name] for name in TICK_SENSORS)
         if tick < self._ticks[channel]:
             self._rounds[channel] += 1
@@ -158,24 +158,24 @@ class _Collector:
         )
 
     def leave_out(self, channels: Iterable[str]) -> None:
-        """Forget what is written in an encoding that we do not read."""
+        """Remove channels whose encoding we cannot read."""
         gone = set(channels)
         self.entries = [entry for entry in self.entries if entry.channel not in gone]
 
 
 @contextmanager
 def recorded_robot(record: Record, instead: str | None) -> Iterator[Robot]:
-    """Provide the robot with its servo profile as attached to the record.
+    """Provide the robot that is attached to a record, with its servo profile.
 
-    Its URDF stands in a folder for the time of the context.
+    Its URDF is in a temporary folder while the context lasts.
 
     Args:
-        record: with attachments.
+        record: the record.
         instead: name or path of a robot to use instead; None for the recorded one.
 
     Raises:
-        UsageError: none is attached, or it cannot be read.
-        RobotFileError: what is attached contradicts itself.
+        UsageError: no robot is attached, or it cannot be read.
+        RobotFileError: the attached files contradict each other.
     """
     if instead is not None:
         yield load_robot(instead)
@@ -190,7 +190,7 @@ def recorded_robot(record: Record, instead: str | None) -> Iterator[Robot]:
         file = msgspec.json.decode(files[ROBOT_JSON], type=RobotFile)
     except (ValueError, RecursionError) as error:
         raise UsageError(
-            f"{record.path}: the attached {ROBOT_JSON} is none of this version "
+            f"{record.path}: the attached {ROBOT_JSON} does not fit this version "
             f"({error}); name the robot with --robot"
         ) from error
     with tempfile.TemporaryDirectory(prefix="surefoot-replay-") as name:
@@ -202,11 +202,11 @@ def recorded_robot(record: Record, instead: str | None) -> Iterator[Robot]:
 def to_wire(data: bytes, *, is_raw: bool) -> bytes:
     """Return the MessagePack bytes of a message.
 
-    JSON knows no NaN and no infinity: a reading that was either is null in the record
-    and NaN again afterwards. All other numbers come back bit for bit.
+    JSON has neither NaN nor infinity. Both are null in a JSON record and become NaN
+    again. All other numbers are restored bit for bit.
 
     Raises:
-        MessageError: the record holds no message there.
+        MessageError: the bytes are no message.
     """
     if is_raw:
         return data
@@ -220,23 +220,23 @@ def to_wire(data: bytes, *, is_raw: bool) -> bytes:
 
 
 class Reading(NamedTuple):
-    """A snapshot, and ticks since each sensor's message."""
+    """A snapshot, and the age of each sensor's message in ticks."""
 
     snapshot: Snapshot
     ages: Ages
 
 
 class RecordedSensors:
-    """Joins recorded messages by the rules of the bus.
+    """Joins recorded messages to snapshots by the rules of the bus.
 
-    A message that cannot be read counts as one that did not come, and a sensor
-    without a message for a tick keeps its last values.
+    An unreadable message counts as missing. A sensor without a message for a tick keeps
+    its last values.
     """
 
     def __init__(
         self, entries: Iterable[Entry], *, joint_count: int, raw: dict[str, bool]
     ) -> None:
-        """Begin before the first tick."""
+        """Start before the first tick."""
         self._raw, self._joint_count = raw, joint_count
         self._layout = SnapshotLayout(joint_count)
         self._entries: dict[str, list[Entry]] = {name: [] for name in TICK_SENSORS}
@@ -250,7 +250,7 @@ class RecordedSensors:
         """Return the stabilizer's reading of a tick; ticks must not decrease.
 
         Returns:
-            None while there is a sensor nothing has come from.
+            None until each sensor has a message.
         """
         for name in TICK_SENSORS:
             self._advance(name, tick)
@@ -260,7 +260,7 @@ class RecordedSensors:
         return Reading(self._layout.join(tick, messages), ages_of(messages, tick))
 
     def _advance(self, name: str, tick: int) -> None:
-        """Take the messages of a sensor up to a tick."""
+        """Read the messages of a sensor up to a tick."""
         entries = self._entries[name]
         while self._next[name] < len(entries):
             entry = entries[self._next[name]]
@@ -288,7 +288,7 @@ class RecordedSensors:
 def between(
     timeline: Timeline, *, period_s: float, from_s: float, until_s: float | None
 ) -> list[Entry]:
-    """Return the messages of a span, both ends counted from the first tick [s]."""
+    """Return the messages of a span; both ends count from the first tick on [s]."""
     first = timeline.first_tick + round(from_s / period_s)
     end = None if until_s is None else timeline.first_tick + round(until_s / period_s)
     return [
@@ -307,16 +307,25 @@ def play(
     stop: StopRequest,
     on_tick: Callable[[int], None],
 ) -> dict[str, int]:
-    """Publish messages in their order, tick after tick.
+    """Publish messages tick by tick, in real time.
+
+    Unreadable messages are skipped.
+
+    Args:
+        entries: messages in order.
+        server: publishes them.
+        raw: tells whether a channel holds MessagePack.
+        tick_s: time of a tick [s]; longer than the period for a slow replay.
+        stop: ends the replay.
+        on_tick: called with each tick.
 
     Returns:
-        Messages played, by channel; what the record holds that is no message is
-        passed over.
+        Number of published messages by channel.
     """
     counts: dict[str, int] = {}
     for tick, said in _paced(entries, tick_s=tick_s, stop=stop):
         on_tick(tick)
-        # Brought into form first, so that what belongs together leaves together.
+        # Encode all first, so that the messages of a tick are published together.
         ready = []
         for entry in said:
             with contextlib.suppress(MessageError):
@@ -331,7 +340,7 @@ def play(
 def _paced(
     entries: Iterable[Entry], *, tick_s: float, stop: StopRequest
 ) -> Iterator[tuple[int, list[Entry]]]:
-    """Yield ticks with their messages, each at its time, until asked to stop."""
+    """Yield each tick with its messages when it is due, until asked to stop."""
     before: tuple[int, int] | None = None
     due_s = time.monotonic()
     for (lap, tick), said in groupby(entries, key=lambda e: (e.round, e.tick)):
@@ -341,7 +350,7 @@ def _paced(
         while (ahead_s := due_s - time.monotonic()) > SHORTEST_NAP_S:
             if stop.is_set:
                 return
-            # The pace of the record, in naps so short that a stop is soon seen.
+            # The record's pace, in short sleeps so that a stop takes effect soon.
             time.sleep(min(ahead_s, LONGEST_NAP_S))
         if stop.is_set:
             return

@@ -1,6 +1,6 @@
-"""What goes into a record: messages of the bus as they come, and files beside them.
+"""The content of a record: messages of the bus, and attached files.
 
-Those are the robot's files, and what runs here: versions and code.
+Attached are the robot's files, and the versions of packages and code.
 """
 
 from __future__ import annotations
@@ -28,20 +28,22 @@ if TYPE_CHECKING:
     from surefoot.robot_io.client_side.observer import Observer, Sample
 
 RING_DEPTH = 4096
-"""Messages that Zenoh keeps per channel until they are taken, each with all of the
-batch of 64 KiB it came in: a second and a half at 3000 ticks a second."""
+"""Messages per channel that Zenoh keeps until they are taken.
+
+They last 1.5 s at 3000 ticks a second. Each pins its whole batch of 64 KiB.
+"""
 KEPT_BYTES = 128 * 2**20
-"""Taken and not yet written; with more, what comes is lost, which the record tells."""
+"""Most bytes taken and not yet written; messages beyond are lost and counted so."""
 MUCH_BYTES = 4 * 2**20
-"""So much is half a second of a bus in real time; after more memory is given back."""
+"""After a larger backlog memory is given back; half a second of a real-time bus."""
 TIDY_S = 10.0
-"""The collector, which would go through all that waits, has its turn so often [s]."""
+"""Period of the garbage collector, which visits all waiting messages [s]."""
 SLICE = 500
-"""Messages written before the rings are emptied again: some ten milliseconds."""
+"""Messages written before more are taken; takes some ten milliseconds."""
 PERIOD_S = 0.02
-"""Many messages at a time cost the other processes less than each for itself."""
+"""Pause that lets messages gather; waking for each would slow other processes [s]."""
 LAST_S = 0.3
-"""Once the robot is gone, what is still on its way may take so long [s]."""
+"""Longest wait for messages that are under way when the robot has gone [s]."""
 ROBOT_TOML, ROBOT_BELOW, ROBOT_JSON = "robot.toml", "robot-below.toml", "robot.json"
 ROBOT_URDF, VERSIONS = "robot.urdf", "versions.json"
 _GIT_S = 5.0
@@ -62,9 +64,9 @@ class _Backlog:
         self._tidied_s = time.monotonic()
 
     def take(self, *, timeout_s: float = 0.0) -> bool:
-        """Copy what the rings hold; whether there was anything.
+        """Copy all messages from the rings; return whether there were any.
 
-        Always all of it: what waits there pins the batches that it came in.
+        A message left in a ring would pin the whole batch it came in.
         """
         samples = self._observer.take(timeout_s=timeout_s)
         if self._bytes < KEPT_BYTES:
@@ -74,7 +76,7 @@ class _Backlog:
         return bool(samples)
 
     def write(self) -> bool:
-        """Write some; whether anything is left."""
+        """Write some messages; return whether any are left."""
         some = list(islice(self._samples, SLICE))
         for sample in some:
             self._samples.popleft()
@@ -85,12 +87,12 @@ class _Backlog:
         return bool(self._samples)
 
     def _tidy(self) -> None:
-        """Give memory back, once nothing waits."""
+        """Give memory back, when nothing waits."""
         if self._most > MUCH_BYTES or time.monotonic() > self._tidied_s + TIDY_S:
             self._most, self._tidied_s = 0, time.monotonic()
             gc.collect()
             trim = getattr(ctypes.CDLL(None), "malloc_trim", None)
-            if trim is not None:  # glibc keeps what is freed for what comes
+            if trim is not None:  # otherwise glibc keeps freed memory
                 trim(0)
 
 
@@ -101,12 +103,12 @@ def record_bus(
     on_ready: Callable[[], None],
     stop: StopRequest,
 ) -> None:
-    """Write everything that comes, until the robot ends or is away for too long.
+    """Write all messages, until the robot leaves or is away for too long.
 
     Args:
-        observer: connected, ``status`` the last of its channels.
-        file: gets the messages.
-        on_ready: called at the first ``status``: whoever receives it receives all.
+        observer: connected, with ``status`` as the last of its channels.
+        file: where the messages are written.
+        on_ready: called after the first ``status``; from then on all are received.
         stop: ends the recording in order.
 
     Raises:
@@ -122,7 +124,7 @@ def record_bus(
                 is_ready = True
                 on_ready()
             if not has_more:
-                time.sleep(PERIOD_S)  # gathers: waking per message would cost the loop
+                time.sleep(PERIOD_S)  # waking per message would slow the control loop
         while True:
             has_taken = backlog.take(timeout_s=LAST_S)
             has_more = backlog.write()
@@ -135,7 +137,7 @@ def record_bus(
 
 
 class Attachment(NamedTuple):
-    """A file that goes into the record."""
+    """A file that is stored in a record."""
 
     name: str
     media_type: str
@@ -145,11 +147,11 @@ class Attachment(NamedTuple):
 def attachments(robot: Robot, files: Iterable[Path]) -> list[Attachment]:
     """Collect the robot's files, versions, git state, and files named by the user.
 
-    ``robot.toml`` is the robot file as it stands, ``robot-below.toml`` the one it
-    extends if any, ``robot.json`` both together with the servo profile in use.
+    ``robot.toml`` is the robot file as it is; ``robot-below.toml`` is the one that it
+    extends, if any; ``robot.json`` is the result of both with the servo profile in use.
 
     Raises:
-        UsageError: a named file cannot be read, or bears the name of another.
+        UsageError: a named file cannot be read, or has a name that is taken.
     """
     found = [
         _attachment(ROBOT_TOML, robot.path.read_bytes()),
@@ -177,7 +179,7 @@ def _attachment(name: str, data: bytes) -> Attachment:
 
 
 class Versions(msgspec.Struct, kw_only=True):
-    """What a record was made with."""
+    """Packages, platform and code that a record was made with."""
 
     python: str | None = None
     platform: str | None = None
@@ -187,7 +189,7 @@ class Versions(msgspec.Struct, kw_only=True):
 
 
 def versions() -> Versions:
-    """What runs here: packages, Python, commit and changed files of our own code."""
+    """Return the present packages and Python, and this code's commit and changes."""
     return Versions(
         **this_machine(),
         git_commit=_git("rev-parse", "HEAD"),
@@ -196,7 +198,7 @@ def versions() -> Versions:
 
 
 def _git(*words: str) -> str | None:
-    """What git says of our own code; None where it is installed without git."""
+    """Return git's answer about this code; None when it is not in a repository."""
     root = Path(__file__).resolve().parents[2]
     if not (root / ".git").exists():
         return None
@@ -214,7 +216,7 @@ def _git(*words: str) -> str | None:
 
 
 def version_notes(recorded: bytes | None, present: Versions) -> list[str]:
-    """What is other than it was, in words; nothing when all is the same."""
+    """Return in words what differs from the record; empty when nothing does."""
     if recorded is None:
         return ["the record does not say which versions it was made with"]
     try:

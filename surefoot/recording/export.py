@@ -1,4 +1,4 @@
-"""Writes the channels of a record, or signals of a run, in formats of other tools."""
+"""Exports records and signals to formats of other tools."""
 
 from __future__ import annotations
 
@@ -28,9 +28,9 @@ _UNSAFE = re.compile(r"[^A-Za-z0-9._#-]")
 _LONGEST_NAME = 200
 SIGNALS_STEM = "ticks"
 _LARGEST_EXACT = 2**53
-"""Whole numbers up to here are floats as well."""
+"""Largest integer up to which floats hold all integers exactly."""
 PART_TICKS = 16384
-"""Ticks in memory at a time, whatever the length of the run."""
+"""Ticks in memory at a time, independent of the run's length."""
 
 
 def export_record(
@@ -38,13 +38,16 @@ def export_record(
 ) -> list[Path]:
     """Write the channels of a record.
 
-    npz is one file with an array per field, named ``channel.field``. Readings that were
-    NaN, null in a record of JSON, are NaN; fields of varying shape are JSON texts, and
-    a channel of another program is named with ``_`` for what no file name may hold. csv
-    and parquet are a file per channel, with a column per number: ``q.0``, ``q.1``, ...
+    npz is one file with an array per field, named ``channel.field``. NaN readings, null
+    in a JSON record, are NaN. Fields of varying shape are JSON texts. Characters of
+    foreign channels that a file name must not have become ``_``. csv and parquet are a
+    file per channel, with a column per number: ``q.0``, ``q.1``, ...
+
+    Returns:
+        The files written.
 
     Raises:
-        UsageError: there is a file, and it may not be replaced.
+        UsageError: a file exists and may not be replaced.
         EnvironmentFailedError: the package for parquet is not installed.
     """
     if to == "npz":
@@ -70,7 +73,7 @@ def _arrays(record: Record) -> dict[str, Array]:
 
 
 def _write_csv(file: IO[bytes], parts: Iterable[Columns]) -> None:
-    """Write columns that go on from part to part, under their names."""
+    """Write columns, part after part, with their names in the first row."""
     text = io.TextIOWrapper(
         file, encoding="utf-8", errors="backslashreplace", newline=""
     )
@@ -89,7 +92,7 @@ def _parquet_writer() -> Callable[[IO[bytes], list[Columns]], None]:
     def column_of(values: list[Any]) -> Any:
         try:
             return pyarrow.array(values)
-        except (ValueError, TypeError, OverflowError):  # of several types
+        except (ValueError, TypeError, OverflowError):  # mixed types
             return pyarrow.array([json.dumps(value) for value in values])
 
     def write(file: IO[bytes], parts: list[Columns]) -> None:
@@ -103,15 +106,18 @@ def _parquet_writer() -> Callable[[IO[bytes], list[Columns]], None]:
 def export_signals(
     signals: Signals, to: Format, out: Path, *, overwrite: bool = False
 ) -> list[Path]:
-    """Write the signals of a run, however long: some ticks are in memory at a time.
+    """Write the signals of a run, with only some ticks in memory at a time.
 
-    npz is one file with an array per signal, the ticks along its first axis. csv and
-    parquet are ``ticks.csv`` and ``ticks.parquet``: a row per tick, a column per
-    number: ``F_id.f_z_left``. In csv what nobody told is an empty field; in parquet
-    each column says its unit, frame and meaning in its metadata.
+    npz is one file with an array per signal; its first axis is the tick. csv and
+    parquet are ``ticks.csv`` and ``ticks.parquet``, with a row per tick and a column
+    per number, such as ``F_id.f_z_left``. Missing values are empty fields in csv. In
+    parquet each column's metadata holds its unit, frame and meaning.
+
+    Returns:
+        The file written.
 
     Raises:
-        UsageError: there is a file, and it may not be replaced.
+        UsageError: the file exists and may not be replaced.
         EnvironmentFailedError: the package for parquet is not installed.
     """
     write = {"npz": _signals_npz, "csv": _signals_csv, "parquet": _signals_parquet}[to]
@@ -174,13 +180,13 @@ def _signals_parquet(file: IO[bytes], signals: Signals) -> None:
 
 
 def _parts(signals: Signals) -> Iterator[dict[str, Array]]:
-    """The columns of all signals, some ticks at a time; one part at least."""
+    """Yield the columns of all signals, some ticks at a time; at least one part."""
     for start in range(0, max(signals.count, 1), PART_TICKS):
         yield signals.columns(start, start + PART_TICKS)
 
 
 def _fields(column: Array) -> list[Any]:
-    """Numbers as texts that read back to the same; empty for what is missing."""
+    """Return numbers as texts that read back exactly; empty if missing."""
     if column.dtype.kind == "f":
         return [repr(x) if x == x else "" for x in column.tolist()]
     return [x if x >= 0 else "" for x in column.tolist()]
@@ -199,7 +205,7 @@ def _pyarrow() -> Any:
 
 
 def _check_place(path: Path, names: Iterable[str], *, overwrite: bool) -> None:
-    """See that a file is free, or one of the same columns, which an export wrote.
+    """Check that a file is free, or an export with the same columns.
 
     Raises:
         UsageError: it is neither.
@@ -214,7 +220,7 @@ def _check_place(path: Path, names: Iterable[str], *, overwrite: bool) -> None:
 
 
 def _names_in(path: Path) -> list[str] | None:
-    """Arrays or columns of an exported file; None of anything else."""
+    """Return the arrays or columns of an exported file; None for any other file."""
     try:
         if path.suffix == ".csv":
             with path.open(encoding="utf-8", newline="") as file:
@@ -248,7 +254,7 @@ def _export_tables(
         for channel in record.channels
         if next(record.each(channel), None) is not None
     }
-    for channel, path in paths.items():  # all of them before the first is replaced
+    for channel, path in paths.items():  # check all before the first is replaced
         if path.exists() or path.is_symlink():
             columns = _columns(record.messages(channel))
             _check_place(path, columns, overwrite=overwrite)
@@ -263,7 +269,7 @@ def _export_tables(
 
 
 def safe_names(names: Iterable[str]) -> dict[str, str]:
-    """Names of any program as names of files that lead nowhere else, all different."""
+    """Return safe and distinct file names for channel names of any program."""
     safe: dict[str, str] = {}
     for name in names:
         short = _UNSAFE.sub("_", name).lstrip(".")[:_LONGEST_NAME] or "_"
@@ -278,7 +284,7 @@ def safe_names(names: Iterable[str]) -> dict[str, str]:
 
 
 def _columns(messages: list[dict[str, Any]]) -> Columns:
-    """Return a column per number or text; None if a message has no such entry."""
+    """Return a column per number or text; None where a message lacks the entry."""
     columns: Columns = {}
     for row, message in enumerate(messages):
         for name, value in _flat("", message):
@@ -302,11 +308,11 @@ def _flat(prefix: str, value: Any) -> list[tuple[str, Any]]:
 
 
 def _array(values: list[Any]) -> Array:
-    if _is_reading(values):  # JSON has its NaN as null
+    if _is_reading(values):  # JSON holds NaN as null
         values = with_nan(values)
     try:
         array: Array = np.asarray(values)
-    except ValueError:  # of varying length
+    except ValueError:  # entries of varying length
         array = np.asarray(values, dtype=object)
     if array.dtype == object:
         array = np.asarray([json.dumps(value) for value in values])
@@ -314,7 +320,7 @@ def _array(values: list[Any]) -> Array:
 
 
 def _is_reading(value: Any) -> bool:
-    """Whether there is nothing but numbers and null in it, none too large for NaN."""
+    """Whether a value holds only numbers and null, each exact as a float."""
     if isinstance(value, list):
         return all(map(_is_reading, value))
     if isinstance(value, int):

@@ -1,9 +1,9 @@
-"""Reads the records of an MCAP file, whatever has become of it.
+"""Reads the records of an MCAP file, also of a damaged or malicious one.
 
-The only place where a file somebody hands us meets the libraries that read it. Every
-record is framed here, against the size of the file, so that a false length allocates
-nothing; a chunk whose checksum is wrong is left out; whatever a library says of what
-is inside a frame becomes :class:`Damage`, and reading goes on behind it.
+Only this module passes a foreign file to the MCAP and compression libraries. It checks
+every record's length against the size of the file, so that a false length allocates
+nothing. A chunk with a wrong checksum is skipped. An error of a library inside a record
+becomes :class:`Damage`, and reading continues behind it.
 """
 
 from __future__ import annotations
@@ -50,7 +50,7 @@ _LAST_KNOWN = max(Opcode)
 _FIRST_PRIVATE = 0x80
 _PIECE_BYTES = 2**20
 _LARGEST_EXPANSION = 255
-"""What LZ4 can reach at most; data of a robot stay far below, also with zstd."""
+"""Largest compression ratio of LZ4; a robot's data stay far below, also with zstd."""
 BAD_CONTENT = (
     McapError,
     struct.error,
@@ -61,7 +61,7 @@ BAD_CONTENT = (
     RuntimeError,
     zstandard.ZstdError,
 )
-"""What the libraries raise on bytes that are not what they should be."""
+"""Exceptions of the libraries on malformed bytes."""
 _KINDS: dict[int, Any] = {
     Opcode.CHANNEL: Channel,
     Opcode.ATTACHMENT: Attachment,
@@ -76,22 +76,22 @@ _INDICES: dict[int, Any] = {
 
 
 class RecordError(UsageError):
-    """A file holds no record that could be read."""
+    """A file that holds no readable record."""
 
 
 class Damage(NamedTuple):
-    """A place that cannot be read."""
+    """A place of a file that cannot be read, and why."""
 
     offset: int
     what: str
 
     def __str__(self) -> str:
-        """In words, with the place."""
+        """Return the place and the reason in words."""
         return f"byte {self.offset}: {self.what}"
 
 
 class _Frame(NamedTuple):
-    """A record that lies within the file."""
+    """A record that lies within the file; begin and length in bytes."""
 
     opcode: int
     begin: int
@@ -106,14 +106,13 @@ class McapRecords:
     """The records of one file, read once from the beginning.
 
     Attributes:
-        path: of the file.
-        is_cut_off: whether what was read does not reach the end of a whole file;
-            known once all is read.
-        damage: what could not be read, in the order of the file; grows meanwhile.
+        path: path of the file.
+        is_cut_off: whether the file lacks its end; known after reading.
+        damage: what could not be read, in the order of the file; grows while reading.
     """
 
     def __init__(self, path: Path) -> None:
-        """Prepare; nothing is read yet."""
+        """Prepare; the file is not opened yet."""
         self.path = path
         self.is_cut_off = True
         self.damage: list[Damage] = []
@@ -125,8 +124,8 @@ class McapRecords:
     def read(self) -> Iterator[McapRecord]:
         """Yield channels, messages, attachments and metadata, in the file's order.
 
-        Channels that the file's summary repeats come first: a damaged chunk may have
-        held the only other description of what follows.
+        Channels in the file's summary come first, since the chunk with their other
+        description may be damaged.
 
         Raises:
             RecordError: there is no such file, or it does not begin as MCAP.
@@ -154,17 +153,17 @@ class McapRecords:
         if begin == MAGIC:
             return
         if begin and MAGIC.startswith(begin):
-            what = f"cut off after {len(begin)} bytes, nothing of it can be read"
+            what = f"cut off after {len(begin)} bytes, so nothing can be read"
         elif not begin:
             what = "the file is empty"
         else:
-            what = f"begins with {begin!r}, a file of MCAP with {MAGIC!r}"
+            what = f"begins with {begin!r}, an MCAP file with {MAGIC!r}"
         raise RecordError(f"{self.path}: not an MCAP file: {what}; {_NAME_A_RECORD}")
 
     def _summary(self, file: IO[bytes]) -> Iterator[Channel]:
-        """Channels from the end of the file; keeps where chunks begin, and counts.
+        """Yield channels from the summary; store chunk positions and statistics.
 
-        Nothing when it does not end as a whole file, or the end is damaged.
+        Yields nothing when the file lacks its end, or the end is damaged.
         """
         tail = _HEAD.size + _FOOTER_BYTES + len(MAGIC)
         footer_at = self._size - tail
@@ -225,11 +224,11 @@ class McapRecords:
             if frame.opcode in _READ:
                 yield from self._content(frame, file.read(frame.length))
             elif _LAST_KNOWN < frame.opcode < _FIRST_PRIVATE:
-                what = f"a record of unknown kind {frame.opcode}, passed over"
+                what = f"a record of unknown kind {frame.opcode}, skipped"
                 self.damage.append(Damage(frame.begin, what))
 
     def _frame(self, file: IO[bytes], at: int) -> _Frame | None:
-        """The record that begins at a place; None where none does."""
+        """Return the record that begins at a byte; None, with damage, if none does."""
         file.seek(at)
         head = file.read(_HEAD.size)
         if len(head) < _HEAD.size:
@@ -253,7 +252,7 @@ class McapRecords:
         return None
 
     def _next_start(self, at: int) -> int:
-        """Where reading can go on behind damage; 0 where nowhere."""
+        """Return where reading can continue behind damage; 0 if nowhere."""
         following = bisect_right(self._starts, at)
         return self._starts[following] if following < len(self._starts) else 0
 
@@ -267,7 +266,7 @@ class McapRecords:
         return False
 
     def _content(self, frame: _Frame, data: bytes) -> Iterator[McapRecord]:
-        """What is in a frame; nothing of it, or its first part, when it is damaged."""
+        """Yield the content of a record; if damaged, its first part or nothing."""
         name = "chunk" if frame.opcode == Opcode.CHUNK else "record"
         try:
             if frame.opcode == Opcode.CHUNK:
@@ -316,7 +315,7 @@ def _folder_advice(path: Path) -> str:
 
 
 def _parsed(kind: Any, data: bytes) -> Any:
-    """A record of a kind, all of whose bytes belong to it."""
+    """Parse a record that must use up all bytes."""
     stream = ReadDataStream(BytesIO(data))
     record = kind.read(stream)
     if stream.count != len(data):
@@ -325,10 +324,10 @@ def _parsed(kind: Any, data: bytes) -> Any:
 
 
 def _inner(data: bytes) -> Iterator[tuple[int, bytes]]:
-    """Opcode and content of records that stand one behind the other.
+    """Yield opcode and content of consecutive records.
 
     Raises:
-        ValueError: one reaches beyond the end.
+        ValueError: a record reaches beyond the end.
     """
     at = 0
     while at < len(data):
@@ -337,7 +336,7 @@ def _inner(data: bytes) -> Iterator[tuple[int, bytes]]:
         opcode, length = _HEAD.unpack_from(data, at)
         at += _HEAD.size
         if length > len(data) - at:
-            raise ValueError(f"a record of {length} bytes in it, which are not there")
+            raise ValueError(f"holds a record of {length} bytes, more than it has")
         yield opcode, data[at : at + length]
         at += length
 
@@ -348,10 +347,10 @@ def _check_crc(data: bytes, crc: int) -> None:
 
 
 def _unpacked(chunk: Chunk) -> bytes:
-    """The content of a chunk; memory grows with what is there, not what is claimed.
+    """Return the content of a chunk; memory grows with the real size, not the claim.
 
     Raises:
-        ValueError: not of the size that the chunk claims, or compressed otherwise.
+        ValueError: its size differs from the claim, or its compression is unknown.
     """
     wanted, data = chunk.uncompressed_size, chunk.data
     if wanted > _LARGEST_EXPANSION * len(data):

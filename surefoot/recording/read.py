@@ -1,4 +1,4 @@
-"""Reads records, and counts what they hold and lack."""
+"""Reads records, and counts what they hold and what is missing."""
 
 from __future__ import annotations
 
@@ -20,13 +20,12 @@ from surefoot.schemas.messages import Count
 from surefoot.schemas.topics import COMMAND, TICK_SENSORS, TOPICS
 
 LARGEST_GAP = 1_000_000
-"""Numbers passed over at once, beyond which they are another sender's: a quarter of
-an hour of a robot at 1 kHz."""
+"""Larger jumps of a number come from another sender: 17 minutes at 1 kHz."""
 _OURS = frozenset(entry.name for entry in TOPICS)
 MSGPACK, JSON = "msgpack", "json"
 TOLD_DAMAGES = 3
 KEPT_BYTES = 256 * 2**20
-"""A record of more is read again whenever its messages are asked for."""
+"""Size above which a record's messages are not kept but read again when asked for."""
 
 
 class _CommandHead(Head, frozen=True):
@@ -35,10 +34,10 @@ class _CommandHead(Head, frozen=True):
 
 
 class ChannelCount(msgspec.Struct, kw_only=True):
-    """What came on a channel.
+    """Statistics of a channel's messages.
 
-    ``first`` and ``last`` are ticks; for commands they are sequence numbers, and
-    for channels that do not speak every tick nothing can be known to be missing.
+    ``first`` and ``last`` are ticks, or sequence numbers for commands. On channels that
+    do not publish every tick, missing messages cannot be counted.
     """
 
     channel: str
@@ -48,21 +47,23 @@ class ChannelCount(msgspec.Struct, kw_only=True):
     first: int | None = None
     last: int | None = None
     missing: int = 0
-    """Numbers passed over between the first message and the last."""
+    """Numbers missing between the first message and the last."""
     gaps: int = 0
-    """Places where some are missing."""
+    """Places at which numbers are missing."""
     commander: str = ""
-    """Who sent the latest command."""
+    """Sender of the latest command."""
     restarts: int = 0
-    """Times the count did not go on but began anew: another robot or commander."""
+    """Times that the numbers began anew: another robot or commander."""
     unreadable: int = 0
-    """Messages that are none of the channel; in a record of ours they are kept, as
-    bytes, on a channel of their own."""
+    """Messages that do not fit the channel.
+
+    Our own recorder keeps them as bytes on a channel beside.
+    """
     encoding: str = ""
-    """What the messages are written in, where that is nothing we read."""
+    """Encoding of the messages, if we cannot read it; otherwise empty."""
 
     def add(self, number: int, *, is_new_sender: bool = False) -> None:
-        """Count one message."""
+        """Count one message by its tick or sequence number."""
         self.messages += 1
         last, self.last = self.last, number
         if last is None:
@@ -77,7 +78,7 @@ class ChannelCount(msgspec.Struct, kw_only=True):
 
 
 def new_count(channel: str) -> ChannelCount:
-    """A count of a channel by what its messages are numbered with."""
+    """Return an empty count for a channel, by tick, by sequence or by neither."""
     if channel == COMMAND:
         return ChannelCount(channel=channel, counted_by="sequence")
     by = "tick" if channel in TICK_SENSORS else ""
@@ -88,10 +89,10 @@ def count_message(count: ChannelCount, message: dict[str, Any]) -> Head | None:
     """Count a decoded message of the channel.
 
     Returns:
-        Its tick and stamp; None for a channel of another program, which needs none.
+        Its tick and stamp; None for a channel of another program.
 
     Raises:
-        MessageError: it lacks what it is counted by; it is not counted.
+        MessageError: it lacks its head; it is not counted.
     """
     if count.channel not in _OURS:
         count.messages += 1
@@ -111,18 +112,18 @@ def count_message(count: ChannelCount, message: dict[str, Any]) -> Head | None:
 
 @dataclass
 class Record:
-    """A record as it was read.
+    """A record as read from its file.
 
-    The messages of a small one are kept, those of a large one read again when they are
-    asked for: an hour of a bus is ten gigabytes.
+    Messages of a small record are kept in memory. Those of a large one are read again
+    when asked for, since an hour of a bus is ten gigabytes.
 
     Attributes:
-        path: of the file.
-        is_cut_off: the file has no end; what is whole of it was read.
+        path: path of the file.
+        is_cut_off: whether the file lacks its end; all complete messages were read.
         damage: places that could not be read.
-        attachments: name to content.
-        first_ns: earliest stamp of a message [ns]; None without any.
-        last_ns: latest [ns].
+        attachments: content of each attached file, by name.
+        first_ns: earliest log time of a message [ns]; None without messages.
+        last_ns: latest log time of a message [ns]; None without messages.
     """
 
     path: Path
@@ -138,13 +139,15 @@ class Record:
 
     @property
     def channels(self) -> list[str]:
-        """Names of its channels, also of those that nothing came from."""
+        """Names of all channels, including those without messages."""
         return list(self._sizes)
 
     @property
     def condition(self) -> str:
-        """In words: whole, cut off or damaged, and where."""
-        cut = "cut off; all that is whole of it is told" if self.is_cut_off else "whole"
+        """Whether the record is whole, cut off or damaged, and where; in words."""
+        cut = (
+            "cut off; all complete messages are counted" if self.is_cut_off else "whole"
+        )
         if not self.damage:
             return cut
         told = "; ".join(map(str, self.damage[:TOLD_DAMAGES]))
@@ -153,27 +156,27 @@ class Record:
         return f"{cut if self.is_cut_off else 'damaged'} ({told}{also})"
 
     def encoding(self, channel: str) -> str:
-        """What a channel's messages are written in: ``json``, ``msgpack``, ..."""
+        """Return the encoding of a channel's messages: ``json``, ``msgpack``, ..."""
         return self._encodings[channel]
 
     def is_readable(self, channel: str) -> bool:
-        """Whether a channel is written in anything that we read."""
+        """Return whether we can read a channel's encoding."""
         return self.encoding(channel) in (MSGPACK, JSON)
 
     def is_raw(self, channel: str) -> bool:
-        """Whether a channel holds the bytes of the bus, not JSON."""
+        """Return whether a channel holds MessagePack as on the bus, and not JSON."""
         return self.encoding(channel) == MSGPACK
 
     def size(self, channel: str) -> int:
-        """Messages of a channel, also those that cannot be read."""
+        """Return the number of a channel's messages, including unreadable ones."""
         return self._sizes[channel]
 
     def messages(self, channel: str) -> list[dict[str, Any]]:
-        """What came on a channel and can be read, in the order it came."""
+        """Return the readable messages of a channel, in the order of the file."""
         return list(self.each(channel))
 
     def each(self, channel: str) -> Iterator[dict[str, Any]]:
-        """The same, one by one."""
+        """Yield the readable messages of a channel, in the order of the file."""
         if not self.is_readable(channel):
             return
         decode = decode_map if self.is_raw(channel) else decode_json
@@ -184,7 +187,7 @@ class Record:
                 continue
 
     def stream(self, channel: str | None = None) -> Iterator[tuple[str, bytes]]:
-        """Give channel and bytes of all messages, those of a channel in their order."""
+        """Yield channel and bytes of all messages, each channel in the file's order."""
         if self._kept is None:
             again = Record(self.path)
             for name, message in _read(McapRecords(self.path), again, Counter()):
@@ -197,10 +200,10 @@ class Record:
 
 
 def decode_json(data: bytes) -> dict[str, Any]:
-    """Read the JSON object of a message.
+    """Decode the JSON object of a message.
 
     Raises:
-        MessageError: it is none.
+        MessageError: it is not a JSON object.
     """
     try:
         message: dict[str, Any] = msgspec.json.decode(data, type=dict[str, Any])
@@ -210,7 +213,7 @@ def decode_json(data: bytes) -> dict[str, Any]:
 
 
 def with_nan(value: Any) -> Any:
-    """Put back the NaN of a reading, which JSON has as null."""
+    """Replace null by NaN in a reading, since JSON has no NaN."""
     if value is None:
         return math.nan
     if isinstance(value, list):
@@ -221,12 +224,13 @@ def with_nan(value: Any) -> Any:
 def read_record(
     path: str | Path, each: Callable[[str, Message], None] | None = None
 ) -> Record:
-    """Read a whole record from its beginning, since one cut off has no index.
+    """Read a whole record from its beginning.
 
-    What cannot be read is left out and told in the record's ``damage``.
+    The index is not used, since a record that was cut off has none. What cannot be read
+    is left out and listed in the record's ``damage``.
 
     Args:
-        path: the file.
+        path: path of the file.
         each: called with channel and message, in the order of the file.
 
     Raises:
@@ -248,8 +252,8 @@ def read_record(
         record.damage.append(Damage(0, what))
     if record.damage and not record.channels and not record.attachments:
         raise RecordError(
-            f"{path}: nothing in it can be read ({record.damage[0]}); there is no "
-            "record to be had from this file"
+            f"{path}: nothing in it can be read ({record.damage[0]}); the file "
+            "holds no usable record"
         )
     return record
 
@@ -257,12 +261,12 @@ def read_record(
 def _read(
     records: McapRecords, record: Record, unknown: Counter[int]
 ) -> Iterator[tuple[str, Message]]:
-    """Channel and message, one after the other.
+    """Yield channel and message in the order of the file.
 
     Args:
-        records: of the file.
-        record: gets channels and attachments.
-        unknown: gets the messages of channels that are not described.
+        records: records of the file.
+        record: receives channels and attachments.
+        unknown: counts messages of undescribed channels, by channel number.
     """
     names: dict[int, str] = {}
     for entry in records.read():
@@ -279,7 +283,7 @@ def _read(
 
 
 def _declare(record: Record, channel: Channel) -> str:
-    """The name of a channel; one of another encoding gets a name of its own."""
+    """Return a channel's name, made distinct if its encoding changes."""
     name = channel.topic.lstrip("/") or f"channel {channel.id}"
     if record._encodings.get(name, channel.message_encoding) != (
         channel.message_encoding
@@ -306,21 +310,21 @@ def _take(record: Record, name: str, message: Message) -> None:
 
 
 class RecordInfo(msgspec.Struct, kw_only=True):
-    """A record in figures."""
+    """Figures of a record."""
 
     is_cut_off: bool
     condition: str
     """Whole, cut off or damaged, in words."""
     damage: list[str]
-    """Places that could not be read."""
+    """Places that could not be read, in words."""
     duration_s: float
-    """Between the earliest stamp and the latest [s]."""
+    """Time from the earliest stamp to the latest [s]."""
     channels: list[ChannelCount]
     attachments: list[str]
 
 
 def record_info(record: Record) -> RecordInfo:
-    """Count anew, from the messages themselves."""
+    """Count the record's messages, and return its figures."""
     counts = {channel: new_count(channel) for channel in record.channels}
     decoders = {
         channel: decode_map if record.is_raw(channel) else decode_json

@@ -32,40 +32,41 @@ from surefoot.schemas.topics import topic
 
 try:
     import fcntl
-except ImportError:  # no POSIX: two that write one name are then not told apart
+except ImportError:  # no POSIX: two writers of one name are not told apart
     fcntl = None  # type: ignore[assignment]
 
 _NEW_RUN_TICKS = 1000
-"""A tick so far behind is another run of the robot, not a late message."""
+"""A tick this far behind belongs to a new run of the robot, not to a late message."""
 _NO_TICKS = ("reference", "walk")
-"""Planners need not count the robot's ticks: what they say is of the present."""
+"""Channels of planners, which need not count ticks; their messages are of now."""
 CHUNK_BYTES = 128 * 1024
-"""Small: what a crash can cost is the chunk that is being filled."""
+"""Small, since a crash loses the chunk that is being filled."""
 KEPT_FREE_BYTES = 64 * 2**20
-"""Left on the disk, so that a record never takes the room of a run's own files."""
+"""Space left on the disk for the other files of a run."""
 LIBRARY = "surefoot"
-"""Who wrote a file, by its header."""
+"""Name in a file's header that marks our own records."""
 MSGPACK = "msgpack"
 UNREADABLE, BYTES = "unreadable", "application/octet-stream"
-"""Channel below a channel, and its encoding, for what came there and is no message."""
+"""Subchannel, and its encoding, for bytes that are no message of their channel."""
 COUNTS = "surefoot/counts"
-"""Name of the metadata with what was counted, one entry a channel."""
+"""Name of the metadata that hold the counts of each channel."""
 _UNITS = "SI units and radians; wrenches and orientations as the schema says"
 
 
 def claim_file(path: Path, *, overwrite: bool = False) -> BinaryIO:
-    """Open ``NAME.partial`` for a file that will be called ``NAME`` once complete.
+    """Open ``NAME.partial`` for a file that will be called ``NAME`` when complete.
 
     Args:
-        path: its final name.
-        overwrite: replace a file of this name, or what a command that was cut off left.
+        path: final name.
+        overwrite: replace a file of this name, or the partial file of a command that
+            was cut off.
 
     Returns:
-        The open file, empty; it is ours until it is closed.
+        The empty open file, locked until it is closed.
 
     Raises:
-        UsageError: the name is taken, or in use.
-        OSError: it cannot be written there.
+        UsageError: the name is taken or in use.
+        OSError: the file cannot be written.
     """
     is_to_replace(path, overwrite=overwrite)
     partial = path.with_name(path.name + ".partial")
@@ -75,8 +76,8 @@ def claim_file(path: Path, *, overwrite: bool = False) -> BinaryIO:
             fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
         if file.tell() and not overwrite:
             raise UsageError(
-                f"--out {path}: {partial} is what a command that was cut off left; "
-                "take it elsewhere, name another file, or overwrite it (--overwrite)"
+                f"--out {path}: {partial} was left by a command that was cut off; "
+                "move it away, name another file, or overwrite it (--overwrite)"
             )
     except BlockingIOError as error:
         file.close()
@@ -91,20 +92,20 @@ def claim_file(path: Path, *, overwrite: bool = False) -> BinaryIO:
 
 
 class LogTimes:
-    """Log times of messages: by their stamps, or by the robot's ticks.
+    """Log times of messages: the senders' stamps, or simulated time from ticks.
 
-    In lockstep the clock on the wall says nothing: ticks do. A robot that begins anew
-    goes on behind what it did before, so that times never go back.
+    In lockstep, wall-clock times have no meaning, but ticks do. The ticks of a
+    restarted robot are shifted behind the earlier ones, so that times never decrease.
 
     Attributes:
-        latest: the latest time given out [ns]; 0 before the first.
+        latest: latest time returned [ns]; 0 before the first.
     """
 
     def __init__(self, period_ns: int | None) -> None:
-        """Begin.
+        """Start at time 0.
 
         Args:
-            period_ns: of a tick, for simulated time [ns]; None for the senders' stamps.
+            period_ns: period of a tick for simulated time [ns]; None for stamps.
         """
         self.latest = 0
         self._period_ns = period_ns
@@ -114,13 +115,13 @@ class LogTimes:
 
     @property
     def meaning(self) -> str:
-        """What the times are, for whoever opens the file."""
+        """What the times mean, for readers of the file."""
         if self._period_ns is None:
             return "the sender's monotonic clock, as publish time"
         return "simulated: tick times period; publish time is the sender's clock"
 
     def of(self, channel: str, head: Head) -> int:
-        """Time of a message [ns]."""
+        """Return the log time of a message [ns]."""
         time_ns = self._time_ns(channel, head)
         self.latest = max(self.latest, time_ns)
         return time_ns
@@ -142,16 +143,16 @@ class LogTimes:
 
 
 class McapFile:
-    """An MCAP file that takes its name once it is complete.
+    """An MCAP file that gets its name when it is complete.
 
     A context manager. Until it is left without an error the file is called
-    ``NAME.partial``; whatever cuts it short leaves that file with all chunks written
-    so far.
+    ``NAME.partial``. If it is cut short, that file remains with all chunks written so
+    far.
 
     Attributes:
         path: final name.
-        partial: name meanwhile.
-        counts: of each channel.
+        partial: name until the file is complete.
+        counts: message counts by channel.
     """
 
     def __init__(
@@ -168,18 +169,18 @@ class McapFile:
         """Create the file and write schemas, channels and attachments.
 
         Args:
-            path: where it goes.
+            path: final name.
             channels: names from the topic table.
-            keys: channel name to bus key.
-            attachments: what the messages alone do not tell.
-            raw: write the bytes of the bus, not JSON.
-            times: gives log times; by default they are the senders' stamps.
+            keys: bus key by channel.
+            attachments: files to store beside the messages.
+            raw: write MessagePack as on the bus, not JSON.
+            times: gives the log times; the senders' stamps when None.
             overwrite: replace a record of this name at the end.
 
         Raises:
-            UsageError: the name is taken, also by what is no record of ours, or another
-                recorder is writing there.
-            OSError: it cannot be written; the message says what is left.
+            UsageError: the name is taken or in use, or a file that is no record of ours
+                has it.
+            OSError: the file cannot be written; the message says what is left.
         """
         self.path = path
         self.partial = path.with_name(path.name + ".partial")
@@ -208,14 +209,14 @@ class McapFile:
             raise self._explained(error) from error
 
     def __enter__(self) -> Self:
-        """Give itself."""
+        """Return itself."""
         return self
 
     def __exit__(self, kind: object, error: object, trace: object) -> None:
         """Complete the file, unless an error has cut it short.
 
         Raises:
-            OSError: it cannot be completed.
+            OSError: the file cannot be completed.
         """
         try:
             if error is None:
@@ -234,15 +235,15 @@ class McapFile:
                     raise OSError(errno.EEXIST, "another command wrote it meanwhile")
                 self.partial.replace(self.path)
         except OSError as failure:
-            # What one error has cut short is told by that error.
+            # After another error, that error is reported, not this one.
             if error is None:
                 raise self._explained(failure) from failure
 
     def add(self, samples: Iterable[Sample]) -> None:
-        """Write messages; what is none goes to a channel beside, as it came.
+        """Write messages; other bytes go to a channel beside, as they came.
 
         Raises:
-            OSError: the disk is full, or the like.
+            OSError: the disk is full or cannot be written.
         """
         try:
             self._check_room()
@@ -275,7 +276,7 @@ class McapFile:
         )
 
     def _keep_apart(self, sample: Sample) -> None:
-        """Write bytes that are no message of their channel."""
+        """Write bytes that are no message of their channel to its subchannel."""
         name = sample.channel
         self.counts[name].unreadable += 1
         if name not in self._kept_apart:
@@ -335,38 +336,38 @@ class McapFile:
 
 
 class _IndexOnDisk:
-    """Where each chunk is: what the MCAP writer keeps in a list until it finishes.
+    """The positions of the chunks, which the MCAP writer would keep in memory.
 
-    In memory it would grow by a hundred megabytes an hour.
+    They would grow by a hundred megabytes an hour.
     """
 
     def __init__(self, folder: Path) -> None:
-        # Has no name, so that nothing is left of it whatever happens.
+        # A file without a name, which vanishes in any case.
         self._file = tempfile.TemporaryFile(dir=folder)  # noqa: SIM115  # see close
 
     def append(self, index: ChunkIndex) -> None:
-        """Take one more."""
+        """Store the position of one chunk."""
         self._file.write(record_bytes(index))
 
     def __iter__(self) -> Iterator[Self]:
-        """Give all of them, as one record."""
+        """Yield all positions as one record."""
         yield self
 
     def write(self, builder: RecordBuilder) -> None:
-        """Write all of them."""
+        """Write all positions."""
         self._file.seek(0)
         builder.write(self._file.read())
 
     def close(self) -> None:
-        """Forget them."""
+        """Delete the positions."""
         self._file.close()
 
 
 def _refuse_foreign(path: Path) -> None:
-    """See that a file, if it is there and holds anything, is a record of ours.
+    """Check that an existing, non-empty file is a record of ours.
 
     Raises:
-        UsageError: it is something else, which is never replaced.
+        UsageError: it is another file, which is never replaced.
     """
     if not path.is_file() or not path.stat().st_size:
         return
@@ -377,6 +378,6 @@ def _refuse_foreign(path: Path) -> None:
         is_ours = False
     if not is_ours:
         raise UsageError(
-            f"--out {path}: is there, and no record of surefoot; it is left as it is, "
-            "name another file"
+            f"--out {path}: exists and is no record of surefoot, so it is kept; name "
+            "another file"
         )

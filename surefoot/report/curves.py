@@ -21,26 +21,26 @@ PLANNED, TAKEN, DCM, ZMP = "#8a929c", "#0072b2", "#d55e00", "#009e73"
 _SINGLE = BY_NAME["walk_phase"].words.index("single")
 _SWING = BY_NAME["foot_state"].words.index("swing")
 WIDTH_IN, HEIGHTS_IN, MARGIN_IN = 9.0, (1.5, 6.0), 1.3
-"""Of the figure; the margin holds axis and legend."""
+"""Width of the figure, its least and greatest height, room for axis and legend."""
 AXES = ("x", "y", "z")
 TURNS = ("roll", "pitch", "yaw")
 MODES = ("off", "hold", "active", "fault")
 CONTACT = ("no", "yes")
 NORMALS = {"left": 2, "right": 8}
-"""Where the normal force of each sole is among the wrenches of both."""
+"""Index of each sole's normal force in the wrenches (12,) of both."""
 STILL = 1e-6
-"""A platform that moves less is not drawn [m, rad]."""
+"""A platform axis that moves less than this is not drawn [m, rad]."""
 TRUE, ESTIMATED, MEASURED, DESIRED = "true", "estimated", "measured", "desired"
 EACH = "each tick"
 REPORTED = "as reported"
 _GAP_PERIODS = 1.5
-"""What is further apart than so many periods is not of consecutive ticks."""
+"""Rows farther apart than this many periods are not consecutive ticks."""
 BUCKETS = 800
-"""Stretches of time per curve, about one per pixel of a wide plot."""
+"""Stretches of time per curve; about one per pixel of a wide plot."""
 
 
 def footsteps(run: RunData) -> str:
-    """Draw the walk of a run.
+    """Draw soles, ZMP and DCM of a walk, seen from above.
 
     Returns:
         SVG; empty for a run without steps.
@@ -84,13 +84,13 @@ def footsteps(run: RunData) -> str:
 
 
 class StepTaken(NamedTuple):
-    """A step of a run.
+    """One step of a run, in the odometry frame.
 
     Attributes:
-        begin: row at which the foot left.
+        begin: row at which the foot left the ground.
         side: 0 for the left foot, 1 for the right one.
-        planned: (4,) x, y, z [m] and yaw [rad] where it was to be set as it left.
-        taken: (4,) where it was in the end.
+        planned: (4,) x, y, z [m] and yaw [rad] of the foothold planned at lift-off.
+        taken: (4,) the foothold in the end.
     """
 
     begin: int
@@ -100,7 +100,7 @@ class StepTaken(NamedTuple):
 
 
 def steps_of(run: RunData) -> list[StepTaken]:
-    """Return the steps of a run, in order; none of a run without a walk."""
+    """Return the steps of a run in order; none without a walk."""
     signals = run.signals
     if not run.is_walk:
         return []
@@ -120,7 +120,7 @@ def steps_of(run: RunData) -> list[StepTaken]:
 
 
 def _sole(run: RunData, place: Array) -> Array:
-    """Corners of a sole, (5, 2), the first one twice [m]."""
+    """Return the corners of a sole from above, (5, 2) [m]; the last is the first."""
     x, y, _, yaw = place.tolist()
     foot = run.robot.file.foot[0]
     length, width = foot.half_length_m, foot.half_width_m
@@ -140,19 +140,20 @@ def thin(
     period_s: float = float("inf"),
     buckets: int = BUCKETS,
 ) -> tuple[Array, Array]:
-    """Keep the least and the largest value of each stretch of time.
+    """Keep the smallest and the largest value of each stretch of time.
 
-    So a peak of one tick is seen, which every n-th point would miss. In a gap that is
-    wide enough to be seen stands a NaN, since nobody knows what was there.
+    So a peak of one tick stays visible, which every n-th point could miss. A gap that
+    is wide enough to be seen is marked by a NaN.
 
     Args:
-        times: (n,) in order.
-        values: (n,), all of them known.
-        period_s: of the times, without gaps [s].
-        buckets: stretches of as many points each.
+        times: (n,) in order [s].
+        values: (n,) finite values.
+        period_s: period of the times without gaps [s].
+        buckets: number of stretches, of equally many points each.
 
     Returns:
-        Times and values, at most 2 per stretch, in order; first and last are kept.
+        Times and values in order, at most two per stretch besides the ends of gaps;
+        first and last are kept.
     """
     count = len(times)
     if count <= 2 * buckets:
@@ -173,20 +174,21 @@ def thin(
 def _broken(
     times: Array, values: Array, ends: NDArray[np.int64]
 ) -> tuple[Array, Array]:
-    """Put a NaN behind some rows, where a line is not to go on."""
+    """Insert a NaN after some rows, where the line is to be interrupted."""
     after = ends + 1
     return np.insert(times, after, times[ends]), np.insert(values, after, np.nan)
 
 
 def changes(times: Array, values: Array) -> tuple[Array, Array]:
-    """Keep where a value that stays the same for long becomes another one.
+    """Keep the rows at which a piecewise constant value changes.
 
     Args:
-        times: (n,) in order.
-        values: (n,), NaN where it is not known.
+        times: (n,) in order [s].
+        values: (n,), NaN where unknown.
 
     Returns:
-        Times and values of first, changes, last, and last before it is not known.
+        Times and values of the first row, of each change, of the last row, and of the
+        last row before an unknown one.
     """
     if len(times) == 0:
         return times, values
@@ -199,13 +201,13 @@ def changes(times: Array, values: Array) -> tuple[Array, Array]:
 
 
 class Curve(NamedTuple):
-    """One curve.
+    """One curve of a plot.
 
     Attributes:
-        panel: key of the plot it belongs to.
-        kind: what it is: true, estimated, measured, desired, ...
+        panel: key of its plot.
+        kind: source of the values: true, estimated, measured, desired, ...
         times: (n,) simulated time [s].
-        values: (n,) in the unit of the panel.
+        values: (n,) in the unit of the plot.
     """
 
     panel: str
@@ -215,7 +217,7 @@ class Curve(NamedTuple):
 
 
 def curves(run: RunData) -> Iterator[Curve]:
-    """All curves of a run, in few enough points, without those that nobody told."""
+    """Yield all curves of a run, thinned; signals without values give none."""
     for curve in (*_truth(run), *_platforms(run), *_controller(run), *_sensors(run)):
         if len(curve.times):
             yield curve
@@ -224,7 +226,7 @@ def curves(run: RunData) -> Iterator[Curve]:
 
 
 def com_error(run: RunData) -> Array:
-    """(n, 3) true centre of mass less reference, as in the result [m]."""
+    """Return (n, 3) true centre of mass minus reference, as in the result [m]."""
     signals = run.signals
     error: Array = signals["true_com"] - run.com_reference
     middle = 0.5 * (signals["true_sole_left"] + signals["true_sole_right"])
@@ -233,18 +235,18 @@ def com_error(run: RunData) -> Array:
 
 
 def _thinned(panel: str, kind: str, run: RunData, values: Array) -> Curve:
-    """A curve of what is known of a signal."""
+    """Return a curve of the finite values of a signal."""
     known = np.isfinite(values)
     return _drawn(panel, kind, run, run.signals.time_s[known], values[known])
 
 
 def _drawn(panel: str, kind: str, run: RunData, times: Array, values: Array) -> Curve:
-    """A curve of known values; it is broken where some are missing."""
+    """Return a thinned curve of finite values; it is interrupted at gaps."""
     return Curve(panel, kind, *thin(times, values, period_s=run.robot.period_s))
 
 
 def _contact(side: str, kind: str, run: RunData, stands: Array) -> Curve:
-    """Whether a foot stands: 0 or 1, NaN where it is not known."""
+    """Return a curve of 0 and 1 for a foot that stands; ``MISSING`` becomes NaN."""
     values = np.where(stands >= 0, stands, np.nan)
     told = slice(None) if np.isfinite(values).any() else slice(0)
     times = run.signals.time_s[told]
@@ -259,14 +261,14 @@ def _attitude(
     *,
     axes: Sequence[float] = (0.0, 0.0, 0.0, 1.0),
 ) -> Iterator[Curve]:
-    """Roll, pitch and yaw where they are known.
+    """Yield roll, pitch and yaw [deg] at the rows where they are known.
 
     Args:
-        panel: which angles.
-        kind: of curve.
-        run: whose.
+        panel: first part of the plots' keys.
+        kind: source of the values.
+        run: the run.
         quat_xyzw: (ticks, 4) world from body.
-        axes: (4,) the body's own axes seen from those whose angles are asked for.
+        axes: (4,) attitude of the body's axes in the axes whose angles are wanted.
     """
     known = np.isfinite(quat_xyzw).all(axis=1)
     turned = Rotation.from_quat(quat_xyzw[known]) * Rotation.from_quat(axes).inv()
@@ -277,7 +279,7 @@ def _attitude(
 
 def _truth(run: RunData) -> Iterator[Curve]:
     signals = run.signals
-    if not run.is_walk:  # on the way it is not midway between the feet
+    if not run.is_walk:  # in a walk the CoM is not midway between the feet
         for axis, error in zip(AXES, com_error(run).T, strict=True):
             yield _thinned(f"com_{axis}", TRUE, run, MM_PER_M * error)
     pose = signals["true_base_pose"]
@@ -312,10 +314,10 @@ def _platforms(run: RunData) -> Iterator[Curve]:
 
 
 def _controller(run: RunData) -> Iterator[Curve]:
-    """What the controller tells, as far as it does.
+    """Yield the controller's own signals.
 
-    Its estimate of the state counts from the end of its calibration on. Nothing acts on
-    it before, and single readings are off by more than all that follows.
+    Estimates are drawn from the end of the calibration on. Before it nothing uses
+    them, and single readings would be the largest values of the plot.
     """
     signals = run.signals
     calibrated = signals.time_s >= run.settings.get("estimator.calibration_s", 0.0)
@@ -326,12 +328,12 @@ def _controller(run: RunData) -> Iterator[Curve]:
             yield _thinned(f"com_{axis}", ESTIMATED, run, values)
     for name, kind in (("dcm", ESTIMATED), ("dcm_reference", DESIRED)):
         if name in signals:
-            walks = signals["walk_phase"] > 0  # its reference means nothing before
+            walks = signals["walk_phase"] > 0  # before, the reference means nothing
             for axis, values in zip(AXES, signals[name].T, strict=False):
                 known = np.where(walks, MM_PER_M * values, np.nan)
                 yield _thinned(f"dcm_{axis}", kind, run, known)
     if "base_pose" in signals:
-        # Its yaw is against the feet, not against the world.
+        # Its yaw is relative to the feet, not to the world.
         told = np.where(calibrated[:, np.newaxis], signals["base_pose"][:, 3:], np.nan)
         yield from [*_attitude("base", ESTIMATED, run, told)][:2]
     for foot, (side, index) in enumerate(NORMALS.items()):
@@ -355,7 +357,7 @@ def _sensors(run: RunData) -> Iterator[Curve]:
 
 
 def _words(run: RunData, heard: BusColumns) -> Iterator[Curve]:
-    """States as numbers, the row of their word in the panel."""
+    """Yield states as numbers; each is the index of its word in the plot."""
     period_s = run.robot.period_s
     for panel, words, said, ticks in (
         ("mode", MODES, heard.mode, heard.mode_tick),

@@ -1,4 +1,4 @@
-"""The page about runs: a folder that opens offline."""
+"""The report's page: a folder that opens offline."""
 
 from __future__ import annotations
 
@@ -32,20 +32,20 @@ from surefoot.view.scene import LEGEND, WALK_LEGEND
 
 HERE = Path(__file__).parent
 REPORT_MARKER = "report.json"
-"""Every folder of a report holds this file; a folder without it is not overwritten."""
+"""File in every report folder; a folder without it is never overwritten."""
 REPORT_FILES = (
     *(REPORT_MARKER, "index.html", "data.js", "report.js", "plotly.min.js"),
     *("scene-*.html", "video-*.mp4", "thumbnail-*.png", "animation-*.webp"),
 )
-"""Everything a report writes."""
+"""All files that a report may write."""
 _NO_RECORD = (
-    "no record of the bus (run.mcap), as runs with --inline have none; its page lacks "
-    "what only the bus tells: modes, and when each command came."
+    "no record of the bus (run.mcap), as with --inline; modes and the times of the "
+    "commands are missing, since only the bus tells them."
 )
 
 
 class Media(NamedTuple):
-    """Names of files of a run in the folder of the page; empty for none."""
+    """Names of a run's files in the page's folder; empty if not made."""
 
     scene: str
     video: str = ""
@@ -54,7 +54,7 @@ class Media(NamedTuple):
 
 
 def write_page(folder: Path, runs: list[RunData], media: list[Media]) -> None:
-    """Write the page and its scripts."""
+    """Write the page and its scripts to a folder that exists."""
     from plotly.offline import get_plotlyjs
 
     drawn = [(run.label, list(curves(run))) for run in runs]
@@ -151,7 +151,7 @@ def _head(run: RunData) -> dict[str, Any]:
 
 
 def _margins(run: RunData) -> list[str]:
-    """Say what the loop of a run bears; only the whole-body stabilizer's is known."""
+    """Return a run's stability margins in words; whole-body stabilizer only."""
     if run.result.controller != "whole-body":
         return []
     names = [name for name in setting_names() if name in run.settings]
@@ -166,7 +166,7 @@ def _margins(run: RunData) -> list[str]:
 
 
 def _versions(runs: list[RunData]) -> dict[str, list[str]]:
-    """Return name of a package, or what it ran on, to one value per run."""
+    """Return the values of each run, by package, for Python and for the platform."""
     names = dict.fromkeys(name for run in runs for name in run.about.packages)
     versions = {
         name: [str(run.about.packages.get(name, "")) for run in runs] for name in names
@@ -185,10 +185,10 @@ def write_report(
     animation: bool = False,
     bar: CountBar = no_bar,
 ) -> None:
-    """Write a report, whole or not at all.
+    """Write a report; on failure nothing is left.
 
     Raises:
-        UsageError: something stands there.
+        UsageError: ``out`` exists and may not be overwritten.
     """
     shape = RobotShape(runs[0].robot)
     with OutFolder(

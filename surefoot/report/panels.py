@@ -1,4 +1,4 @@
-"""What a report's page is put together from: panels of plots, and the 3-D replay."""
+"""Parts of a report's page: panels of plots, and the 3-D replay."""
 
 from __future__ import annotations
 
@@ -30,43 +30,43 @@ from surefoot.view.scene_state import (
 
 FRAMES_PER_S = 20.0
 MOST_FRAMES = 1200
-"""Longer runs show fewer frames per second, so that a page stays a few megabytes."""
+"""Longer runs get fewer frames per second, which limits the page's size."""
 STEPS_AHEAD = 3
-"""Steps to come that are shown."""
+"""Number of planned steps that are shown."""
 CAMERA, LOOK_AT = (1.23, -1.05, 0.75), (0.0, -0.05, 0.42)
 BLUE, VERMILION, GREEN = "#0072b2", "#d55e00", "#009e73"
 ORANGE, PINK, SKY = "#e69f00", "#cc79a7", "#56b4e9"
 RUN_COLOURS = (BLUE, VERMILION, GREEN, ORANGE, PINK, SKY)
-"""One per run, in the order they were named; as many as a page takes."""
+"""One colour per run, in the order of the runs; their number limits a page."""
 GREY = "#8a929c"
 COM, BASE, FORCE = "Centre of mass", "Base", "Normal force"
 WALK = "Walk"
 ANKLE, GROUND = "Left ankle", "Ground"
 MODE, TIME = "Mode and contact", "Time"
 GROUPS = {
-    COM: "Against the reference. True: x and y from the midpoint of the true soles, z "
-    "in the world, from the simulator. Estimated: the stabilizer's own, from the "
-    "robot's sensors, in its frame between the feet, once it has calibrated.",
+    COM: "CoM minus reference. True: the simulator's; x and y from the middle of "
+    "the true soles, z in the world. Estimated: the stabilizer's, from the robot's "
+    "sensors, in its frame between the feet, once it has calibrated.",
     WALK: "Divergent component of motion, in the odometry frame, from the first shift "
     "of the weight to the last.",
-    BASE: "True: the simulator's. Estimated: the controller's, whose yaw is free. "
-    "Places are counted from the start of the run.",
-    FORCE: "Of the ground on each sole, along the sole's normal. True: the "
+    BASE: "True: the simulator's. Estimated: the controller's; its yaw is relative to "
+    "the feet. Positions are relative to the start of the run.",
+    FORCE: "Force of the ground on each sole, along the sole's normal. True: the "
     "simulator's. Measured: the ankle's sensor, compensated to the sole. Desired: "
-    "what the first QP asks for.",
-    ANKLE: "What the force-torque sensor reports, in its own frame.",
-    GROUND: "Top centre of each platform, from where it stood at the start; axes that "
-    "do not move are left out.",
-    MODE: "Mode of the robot's command gate, the stabilizer's own state, and whether "
-    "each foot stands: truly, and as the stabilizer believes.",
-    TIME: "Wall clock. Controller tick: from snapshot to command. Answer: from "
+    "result of the first QP.",
+    ANKLE: "Readings of the force-torque sensor, in its own frame.",
+    GROUND: "Top centre of each platform, relative to the start; axes that do not move "
+    "are left out.",
+    MODE: "Mode of the robot's command gate, state of the stabilizer, and whether "
+    "each foot stands: in truth, and as the stabilizer estimates.",
+    TIME: "Wall-clock time. Controller tick: from snapshot to command. Answer: from "
     "the stamp of the sensors to the stamp of the command that answers them.",
 }
-"""Groups of plots in the order of the page, with what they show."""
+"""Groups of plots in the order of the page, with their explanations."""
 
 
 def frame_rows(run: RunData) -> np.ndarray[tuple[int], np.dtype[np.int64]]:
-    """Rows of the ticks that are shown, evenly spaced; the first is 0."""
+    """Return the rows of the ticks that are shown, evenly spaced in time."""
     count = run.signals.count
     period_s = run.robot.period_s
     frames = min(MOST_FRAMES, int(count * period_s * FRAMES_PER_S))
@@ -74,17 +74,17 @@ def frame_rows(run: RunData) -> np.ndarray[tuple[int], np.dtype[np.int64]]:
 
 
 def scene_page(run: RunData, shape: RobotShape, *, on_frame: Callable[[], None]) -> str:
-    """Draw a run.
+    """Draw a run as a 3-D replay.
 
     Returns:
-        The page; it needs no other file and no network.
+        The page as HTML; it needs no other file and no network.
     """
     import viser
 
     logging.getLogger("websockets").setLevel(logging.WARNING)
     rows = frame_rows(run)
-    with contextlib.redirect_stdout(io.StringIO()):  # its own banner
-        # The library makes pages from a server only; this one serves nobody.
+    with contextlib.redirect_stdout(io.StringIO()):  # hides viser's banner
+        # viser makes pages from a server only; nobody connects to this one.
         server = viser.ViserServer(host="127.0.0.1", port=0, verbose=False)
     try:
         server.initial_camera.position = CAMERA
@@ -104,20 +104,20 @@ def scene_page(run: RunData, shape: RobotShape, *, on_frame: Callable[[], None])
 
 
 def tells_forces(run: RunData) -> bool:
-    """Whether there is any force that the controller measured."""
+    """Whether the run has any force that the controller measured."""
     return bool(np.isfinite(run.signals.get("F_meas", np.nan)).any())
 
 
 def state_at(run: RunData, row: int, steps: Sequence[StepTaken] = ()) -> SceneState:
     """Return one tick of a run as a scene.
 
-    Forces are those the controller measured and wanted. Where it tells none they are
-    the true ones, and none that were wanted.
+    Forces are those that the controller measured and desired. Where it recorded none,
+    the measured ones are replaced by the true ones.
     """
     signals = run.signals
 
     def told(name: str) -> Array | None:
-        """A signal of the controller; None where it tells none."""
+        """Return a signal of the controller at this row; None if not recorded."""
         values = signals[name][row] if name in signals else None
         return None if values is None or np.isnan(values).any() else values
 
@@ -151,13 +151,13 @@ def state_at(run: RunData, row: int, steps: Sequence[StepTaken] = ()) -> SceneSt
 
 
 def _walk_at(run: RunData, row: int, steps: Sequence[StepTaken]) -> WalkSight | None:
-    """What there is to see of the walk: steps ahead as they were planned later on."""
+    """Return the walk at a row; planned steps are as at their own lift-off."""
     signals = run.signals
     words = BY_NAME["foot_state"].words
     left, right = (words[int(i)] not in AIRBORNE for i in signals["foot_state"][row])
     footholds = signals["footholds"][row].reshape(2, 4)
     if np.isnan(signals["dcm"][row]).any() or not footholds.any():
-        return None  # nothing is told of a walk that has not begun
+        return None  # the walk has not begun
     ahead = [step.planned for step in steps if step.begin > row][:STEPS_AHEAD]
     goals = signals["foot_goals"][row].reshape(2, 4)
     swings = [goals[side] for side, down in enumerate((left, right)) if not down]
@@ -176,19 +176,19 @@ KIND_COLOURS = {
     **{s.MEASURED: VERMILION, s.ESTIMATED: VERMILION},
     s.DESIRED: GREEN,
 }
-"""Of a page about one run."""
+"""Colours by source, on a page about one run."""
 DASHES = {s.MEASURED: "dot", s.ESTIMATED: "dot", s.DESIRED: "dash"}
-"""What tells kinds apart where colours tell runs; others are solid."""
+"""Dashes by source, on a page where colours distinguish runs; others are solid."""
 
 
 class Panel(NamedTuple):
-    """A plot.
+    """One plot.
 
     Attributes:
-        group: under which heading.
-        title: what is plotted.
-        unit: of the values; empty for words.
-        words: what the values 0, 1, ... mean, for states; empty for numbers.
+        group: heading that it stands under.
+        title: name of the quantity.
+        unit: unit of the values; empty for states.
+        words: names of the states 0, 1, ...; empty for numbers.
     """
 
     group: str
@@ -218,11 +218,11 @@ PANELS = {
 
 
 def panel_groups(runs: list[tuple[str, list[s.Curve]]]) -> list[dict[str, Any]]:
-    """Groups of plots for the page's script.
+    """Return the groups of plots for the page's script.
 
     Returns:
-        Groups that hold anything: ``name``, ``about``, and ``panels``, each with
-        ``key``, ``title``, ``unit``, ``words`` and ``curves``.
+        All groups with curves: ``name``, ``about``, and ``panels``, each with ``key``,
+        ``title``, ``unit``, ``words`` and ``curves``.
     """
     found: dict[str, list[dict[str, Any]]] = {}
     for index, (label, curves) in enumerate(runs):
@@ -263,7 +263,7 @@ def _curve(signal: s.Curve, *, index: int, label: str, alone: bool) -> dict[str,
 
 
 def _packed(values: Array) -> dict[str, str]:
-    """Pack numbers as plotly's script reads them: a quarter of the size of digits."""
+    """Pack numbers in plotly's binary form, a quarter of the size of digits."""
     data = np.ascontiguousarray(values, dtype="<f4").tobytes()
     return {"dtype": "f4", "bdata": base64.b64encode(data).decode()}
 
@@ -289,7 +289,7 @@ def _platform_panel(key: str) -> Panel:
 
 
 class Mark(NamedTuple):
-    """A moment: when [s], what happened, and the colour of its line."""
+    """A moment to mark: time [s], event, and colour of the line."""
 
     time: float
     text: str

@@ -1,4 +1,4 @@
-"""Load and validate a run folder."""
+"""A run's folder, loaded and validated."""
 
 from __future__ import annotations
 
@@ -43,22 +43,22 @@ from surefoot.signals import Signals, read_signals
 from surefoot.sim_robot.ground import ground_blocks
 
 MOST_RUNS = 6
-"""So many colours can be told apart."""
+"""Number of colours that can be told apart."""
 M = TypeVar("M", Head, RobotStatus, StabilizerStatus)
 
 
 @dataclass(frozen=True)
 class BusColumns:
-    """Messages of the bus as columns; every ``..._tick`` is the robot's counter.
+    """Messages of the bus in columns; every ``..._tick`` is the robot's counter.
 
     Attributes:
-        gap: what the record lacks, in words; empty for a whole one.
-        told_tick: (n,) of the stabilizer's messages.
-        state: (n,) the stabilizer's state, one word.
-        answer_tick: (m,) ticks that got a command.
+        gap: what the record lacks, in words; empty for a complete one.
+        told_tick: (n,) ticks of the stabilizer's status messages.
+        state: (n,) the stabilizer's state at them.
+        answer_tick: (m,) ticks that were answered by a command.
         answer_ms: (m,) from the stamp of the sensors to that of the command [ms].
-        mode_tick: (k,) of the robot's status.
-        mode: (k,) mode of its command gate.
+        mode_tick: (k,) ticks of the robot's status messages.
+        mode: (k,) mode of its command gate at them.
     """
 
     gap: str
@@ -71,10 +71,10 @@ class BusColumns:
 
 
 def read_heard(path: Path) -> BusColumns:
-    """Read a record; what cannot be read is left out and told."""
+    """Read a record; ``gap`` tells what could not be read."""
     try:
         record = read_record(path)
-    except RecordError as error:  # the recorder was cut off as it began
+    except RecordError as error:  # the recorder was cut off at its start
         nothing = np.zeros(0)
         gap = f"its record of the bus is missing: {error}"
         return BusColumns(gap, nothing, [], nothing, nothing, nothing, [])
@@ -104,9 +104,9 @@ def _gap(record: Record, lost: Counter[str]) -> str:
 
 
 def _answers(record: Record, lost: Counter[str]) -> tuple[Array, Array]:
-    """Ticks with a command, and how long each command took [ms].
+    """Return the ticks with a command, (m,), and the time that each took, (m,) [ms].
 
-    Both stamps are of one clock, since a run has both processes on one host.
+    Both stamps are of one clock, since both processes of a run are on one host.
     """
     sensed = _messages(record, "joints", Head, lost)
     sensed_ns = {head.tick: head.stamp_ns for head in sensed}
@@ -122,9 +122,9 @@ def _answers(record: Record, lost: Counter[str]) -> tuple[Array, Array]:
 def _messages(
     record: Record, channel: str, kind: type[M], lost: Counter[str]
 ) -> list[M]:
-    """What came on a channel, typed; counts what does not fit.
+    """Return a channel's messages, typed; adds the unreadable ones to ``lost``.
 
-    A reading that was NaN, which JSON does not know, is NaN again.
+    NaN readings, which JSON cannot hold, become NaN again.
     """
     if channel not in record.channels:
         return []
@@ -148,18 +148,18 @@ class RunData:
     """One run.
 
     Attributes:
-        label: distinguishes it from the other runs of a page.
-        result: its figures.
-        about: what ``run.json`` says: seed, mode, versions.
-        robot: its files, as they are now.
-        scenario: what was done to it.
-        scenario_text: the same as written.
-        settings: ``section.name`` to value, as resolved for the run.
-        signals: of every tick.
+        label: name that distinguishes it from the other runs of a page.
+        result: figures of the run.
+        about: content of ``run.json``: seed, mode, versions.
+        robot: the robot's files as they are now.
+        scenario: the scenario as read.
+        scenario_text: the scenario's file.
+        settings: value by ``section.name``, as resolved for the run.
+        signals: signals of every tick.
         com_reference: (3,) x and y from the midpoint of the soles, z in the world [m].
-        ground: all blocks of it.
-        heard: what was said on the bus; None for a run without a record.
-        logs: name of a process to what it said.
+        ground: all blocks of the ground.
+        heard: messages of the bus; None for a run without a record.
+        logs: text of the log by process.
     """
 
     label: str
@@ -182,10 +182,12 @@ class RunData:
         return phase is not None and bool(np.any(phase > 0))
 
     def drawable(self, rows: Array) -> NDArray[np.int64]:
-        """The next rows whose truth was recorded; a slow disk may have lost some.
+        """Return the given rows, or the next ones with a recorded truth.
+
+        A slow disk may have lost some.
 
         Args:
-            rows: (n,) wanted, in order.
+            rows: (n,) wanted rows, in order.
         """
         known = np.flatnonzero(np.isfinite(self.signals["true_base_pose"][:, 0]))
         at = np.searchsorted(known, rows.astype(np.int64))
@@ -197,7 +199,8 @@ def load_runs(folders: list[Path]) -> list[RunData]:
     """Load runs of one robot.
 
     Raises:
-        UsageError: a folder is not there, no finished run, or of another robot.
+        UsageError: there are too many, a folder is missing or holds no finished run,
+            or the robots differ.
     """
     if len(folders) > MOST_RUNS:
         raise UsageError(
@@ -224,7 +227,7 @@ def load_run(folder: Path, *, label: str) -> RunData:
     """Load one run.
 
     Raises:
-        UsageError: it is not there, not finished, or cannot be read.
+        UsageError: it is missing, unfinished or unreadable.
     """
     from surefoot.sim_robot.plant import Plant
 
@@ -267,7 +270,7 @@ def load_run(folder: Path, *, label: str) -> RunData:
 
 
 def _settings(path: Path) -> dict[str, Any]:
-    """Settings as they were resolved, those of other versions too."""
+    """Read the resolved settings, including those that this version does not know."""
     tables = read_toml(path)
     for section, table in tables.items():
         if not isinstance(table, dict):

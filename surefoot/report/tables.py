@@ -1,4 +1,4 @@
-"""Figures and settings of runs in columns."""
+"""Tables of figures and settings, with a column for each run."""
 
 from __future__ import annotations
 
@@ -22,8 +22,8 @@ class Cell(NamedTuple):
 
     Attributes:
         text: the value.
-        change: against the first run, with its sign; empty for the first run, for
-            words and for no change.
+        change: difference from the first run, with its sign; empty for the first run,
+            for words and for no difference.
     """
 
     text: str
@@ -31,7 +31,7 @@ class Cell(NamedTuple):
 
 
 class Row(NamedTuple):
-    """One line: what it is, in which unit, and a cell per run."""
+    """One row: name, unit, and a cell for each run."""
 
     name: str
     unit: str
@@ -43,9 +43,9 @@ class SettingRow(NamedTuple):
 
     Attributes:
         name: ``section.name``.
-        default: of this version.
-        values: one per run.
-        is_changed: one per run: whether it differs from the default.
+        default: default of this version.
+        values: value of each run.
+        is_changed: for each run, whether the value differs from the default.
     """
 
     name: str
@@ -70,15 +70,15 @@ def _parts(
     decimals: int = 1,
     of_walks: bool = True,
 ) -> list[_Figure]:
-    """Return a figure for each part of a field.
+    """Return a figure for each entry of a list in the result.
 
     Args:
-        name: what they are, but for the part.
-        unit: of all.
-        field: of the result.
-        parts: what its entries are of.
-        decimals: shown.
-        of_walks: whether it tells anything of one who walked.
+        name: common part of the figures' names.
+        unit: unit of all.
+        field: name of the list in the result.
+        parts: last part of each figure's name, in the order of the entries.
+        decimals: digits after the point.
+        of_walks: whether the figure is meaningful for a walk.
     """
 
     def value_of(index: int) -> Callable[[RunResult], float | None]:
@@ -159,12 +159,12 @@ _WORDS: list[tuple[str, Callable[[RunResult], str]]] = [
 
 
 def sentence(result: RunResult) -> str:
-    """How a run went, when and why."""
+    """Return in words how a run went, when and why."""
     return Judgement(result.outcome, result.outcome_detail).sentence
 
 
 def figure_rows(results: list[RunResult]) -> list[Row]:
-    """Return the figures that any of some runs has, changes against the first one."""
+    """Return the figures that at least one run has, with differences to the first."""
     rows = [
         Row(name, "", [Cell(said(result), "") for result in results])
         for name, said in _WORDS
@@ -178,7 +178,7 @@ def figure_rows(results: list[RunResult]) -> list[Row]:
 
 
 def setting_rows(runs: list[RunData]) -> list[SettingRow]:
-    """Return all settings of runs, beside the defaults of this version."""
+    """Return all settings of the runs with the defaults of this version."""
     shipped = build_settings({}, overrides=[], source="defaults")
     defaults = {
         f"{section}.{name}": value

@@ -1,4 +1,4 @@
-"""Moving pictures of a run, drawn by the simulator without a window."""
+"""Videos of a run, drawn by the simulator without a window."""
 
 from __future__ import annotations
 
@@ -22,18 +22,18 @@ from surefoot.report.curves import STILL
 from surefoot.report.run_data import RunData
 from surefoot.schemas.arrays import Array
 
-if TYPE_CHECKING:  # it loads the simulator, which has to know OpenGL by then
+if TYPE_CHECKING:  # loads MuJoCo, for which MUJOCO_GL must be set before
     from surefoot.sim_robot.render import Camera
 
 VIDEO_SIZE, VIDEO_HZ = (960, 720), 25.0
 ANIMATION_SIZE, ANIMATION_HZ = (600, 450), 20.0
 ANIMATION_S = (4.0, 7.0)
-"""Shortest and longest animation [s]; it is cut where its end matches its start."""
+"""Least and greatest length of an animation [s]; see :func:`best_loop`."""
 ANIMATION_QUALITY = 72
 MS_PER_S = 1000
 FOLLOW_S = 0.8
-"""Before and after a picture, over which the place of a robot that walks is averaged,
-so that the picture does not sway with it [s]."""
+"""Half the time over which a walking robot's place is averaged [s]: the camera follows
+without swaying."""
 STEP_S = 0.02
 """Step between compared moments [s]."""
 
@@ -41,12 +41,14 @@ STEP_S = 0.02
 def best_loop(
     poses: Array, *, period_s: float, length_s: tuple[float, float]
 ) -> tuple[int, int]:
-    """Find the stretch whose end is most like its start, in pose and in speed.
+    """Find the stretch of a motion whose end is most like its start.
+
+    Both pose and speed are compared.
 
     Args:
-        poses: (n, m) numbers that are alike when the pictures are.
-        period_s: from one row to the next [s].
-        length_s: shortest and longest stretch [s].
+        poses: (n, m) numbers that describe each picture.
+        period_s: time from one row to the next [s].
+        length_s: least and greatest length of the stretch [s].
 
     Returns:
         First and last row; the whole motion if it is shorter than a stretch.
@@ -56,14 +58,14 @@ def best_loop(
     shortest, longest = (round(length / (step * period_s)) for length in length_s)
     if len(coarse) <= shortest + 1:
         return 0, len(poses) - 1
-    # Speed counts as the pose a tenth of a second later would.
+    # Speed is weighted as the change of the pose in a tenth of a second.
     speed = np.gradient(coarse, axis=0) * (0.1 / STEP_S)
     seen = np.hstack((coarse, speed))
     best, found = np.inf, (0, shortest)
     for length in range(shortest, min(longest, len(coarse) - 1) + 1):
         apart = np.sum((seen[length:] - seen[:-length]) ** 2, axis=1)
         start = int(np.argmin(apart))
-        # A robot at rest is always alike: among equals, the one that moves most.
+        # A robot at rest is always alike, so prefer stretches with more motion.
         moved = np.ptp(coarse[start : start + length], axis=0).sum()
         score = float(apart[start]) / (moved + 1e-9) ** 2
         if score < best:
@@ -72,10 +74,10 @@ def best_loop(
 
 
 def load_drawing() -> None:
-    """Load what draws, without a display where there is none.
+    """Load the renderer, without a display if there is none.
 
-    To be called before anything else loads it, since it reads ``MUJOCO_GL`` then; a
-    wish of the user's there stays.
+    Call it before anything else loads MuJoCo, which reads ``MUJOCO_GL`` then. A value
+    set by the user is kept.
 
     Raises:
         EnvironmentFailedError: it cannot be loaded; the message says what to install.
@@ -84,7 +86,7 @@ def load_drawing() -> None:
     try:
         import_module("surefoot.sim_robot.render")
     except (ImportError, RuntimeError, AttributeError, OSError) as error:
-        # Each OpenGL back end that is not there fails in its own way.
+        # Each missing OpenGL back end fails in its own way.
         raise EnvironmentFailedError(
             f"no picture can be drawn: {error}. MUJOCO_GL is "
             f"{os.environ.get('MUJOCO_GL', 'not set')}; set it to egl or osmesa; on "
@@ -104,10 +106,10 @@ def _choose_gl() -> None:
 
 
 def check_drawing(run: RunData, *, video: bool) -> None:
-    """Make sure that pictures can be drawn, before any work is done.
+    """Check that pictures can be drawn, before any work is done.
 
     Raises:
-        EnvironmentFailedError: this machine cannot; the message says what to install.
+        EnvironmentFailedError: they cannot; the message says what to install.
     """
     from surefoot.sim_robot.errors import RenderError
 
@@ -120,7 +122,7 @@ def check_drawing(run: RunData, *, video: bool) -> None:
 
 
 def check_encoder() -> None:
-    """Make sure that a video can be encoded.
+    """Check that a video can be encoded.
 
     Raises:
         EnvironmentFailedError: it cannot; the message says what to install.
@@ -135,7 +137,7 @@ def check_encoder() -> None:
 def draw_video(
     run: RunData, path: Path, *, thumbnail: Path, bar: CountBar = no_bar
 ) -> None:
-    """Write a run as mp4 (H.264) at its own pace, and a picture of its middle."""
+    """Write a run as mp4 (H.264) in simulated time, and a picture of its middle."""
     from imageio_ffmpeg import write_frames
     from PIL import Image
 
@@ -153,13 +155,13 @@ def draw_video(
 
 
 def draw_animation(run: RunData, path: Path, *, bar: CountBar = no_bar) -> None:
-    """Write some seconds of a run as an endless WebP, small enough for a web page."""
+    """Write some seconds of a run as a looping WebP, small enough for a web page."""
     from PIL import Image
 
     start, end = best_loop(
         _pose(run), period_s=run.robot.period_s, length_s=ANIMATION_S
     )
-    rows = _rows(run, start, end, rate_hz=ANIMATION_HZ)[:-1]  # the last is the first
+    rows = _rows(run, start, end, rate_hz=ANIMATION_HZ)[:-1]  # last equals first
     with bar(
         f"{run.label}: animation", total=len(rows), done=0, of="frames"
     ) as on_frame:
@@ -179,10 +181,10 @@ def draw_animation(run: RunData, path: Path, *, bar: CountBar = no_bar) -> None:
 
 
 def _pose(run: RunData) -> Array:
-    """Return (n, m) what a picture shows, as numbers that are alike when it is alike.
+    """Return (n, m) numbers that describe what a picture shows.
 
-    Where the ground moves, the ground alone: its jerk is what would be seen. The
-    picture goes along with a robot that walks, so its legs count, and not its place.
+    If the ground moves, its poses alone, since a jump of the ground is what one would
+    see. In a walk the joints, without the robot's place, which the camera follows.
     """
     signals = run.signals
     walks = run.is_walk
@@ -215,7 +217,7 @@ def _pictures(
 
 
 def _cameras(run: RunData, rows: NDArray[np.int64]) -> list[Camera]:
-    """Return where each picture is taken from: beside a robot that walks."""
+    """Return the camera of each picture; it moves along with a walking robot."""
     from surefoot.sim_robot.render import Camera
 
     usual = Camera()

@@ -1,4 +1,4 @@
-"""Makes a URDF one that can be balanced: one base, joints that move, real bodies."""
+"""Prepares a URDF for balancing: floating base, driven joints, possible inertias."""
 
 from __future__ import annotations
 
@@ -15,19 +15,19 @@ from surefoot.robot_io.urdf_check import drop, end
 
 WORLDS = ("world", "map", "odom", "ground", "universe")
 LIGHT_SHARE = 1e-3
-"""Of the robot's mass: what carries less, outside the legs, is a finger or an eye."""
+"""Joints outside the legs that carry less of the robot's mass are fixed: fingers."""
 LEADER_SHARE = 0.02
-"""The same of a joint that others follow."""
+"""The same share for a joint that other joints follow."""
 NO_LIMIT = "1e9"
 _INERTIA = ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")
 _UPPER = np.triu_indices(3)
 _ROUNDING = 1e-6
 _LEAST_RADIUS_M = 0.01
-"""A repaired inertia is at least that of mass so far from the middle."""
+"""A repaired inertia is at least that of the mass at this radius [m]."""
 
 
 def drop_world(draft: Draft) -> None:
-    """Take away a link that stands for the world, above the robot's own base."""
+    """Remove a link that stands for the world, above the robot's own base."""
     base = draft.base
     joints = [j for j in draft.joints.values() if end(j, "parent") == base]
     is_world = base.lower() in WORLDS or any(
@@ -48,18 +48,18 @@ def choose_joints(
     keep: Sequence[str] = (),
     legs_only: bool = False,
 ) -> None:
-    """Fix every joint that is no drive of its own, by name.
+    """Fix all joints that cannot be balanced with, and those that are asked for.
 
     Args:
         draft: changed in place.
         soles: links of the left and right foot.
         fix: patterns of further joints to fix.
         keep: patterns of joints outside the legs to leave as they are.
-        legs_only: fix all that is no leg.
+        legs_only: fix all joints outside the legs.
 
     Raises:
-        RobotFileError: a leg has a joint that cannot be driven by itself, or a
-            pattern fits no joint.
+        RobotFileError: a leg has a joint without a drive of its own, or a pattern fits
+            no joint.
     """
     legs = {j.get("name", "") for sole in soles for j in draft.chain(sole)}
     for pattern in (*fix, *keep):
@@ -105,7 +105,7 @@ def choose_joints(
 
 
 def _fits(name: str, pattern: str) -> bool:
-    """Whether a name is a pattern's; only * stands for others, [ is one of a name."""
+    """Whether a name fits a pattern; only ``*`` is special, ``[`` stands for itself."""
     parts = map(re.escape, pattern.split("*"))
     return re.fullmatch(".*".join(parts), name, re.DOTALL) is not None
 
@@ -117,7 +117,7 @@ _SHARED = "both legs hang on them: below the base it would only lean"
 
 
 def _of_one(why: str) -> str:
-    """The same reason for one joint."""
+    """Return a reason in the singular."""
     for verb in ("follow", "turn", "slide"):
         why = why.replace(f"they {verb}", f"it {verb}s")
     return why
@@ -130,7 +130,7 @@ def _moves(joint: ElementTree.Element) -> bool:
 def _reason(
     draft: Draft, name: str, *, leaders: set[str | None], feet: set[str], is_leg: bool
 ) -> str | None:
-    """Why a joint is not balanced with; None for one that is."""
+    """Return why a joint cannot be balanced with; None if it can."""
     joint = draft.joints[name]
     if joint.find("mimic") is not None:
         return _FOLLOWS
@@ -154,7 +154,7 @@ def _reason(
 
 
 def _below_foot(draft: Draft, sole: str) -> list[str]:
-    """Joints that hang below a foot: toes."""
+    """Return the moving joints below a foot, such as toes."""
     top = foot_links(draft, sole)[0]
     inside = set(draft.below(top))
     return [
@@ -165,7 +165,7 @@ def _below_foot(draft: Draft, sole: str) -> list[str]:
 
 
 def foot_links(draft: Draft, sole: str) -> list[str]:
-    """The links that are one body with a sole, the topmost first."""
+    """Return the links that are rigidly one with a sole, the topmost first."""
     top = sole
     for joint in draft.chain(sole):
         if _moves(joint):
@@ -182,7 +182,7 @@ def foot_links(draft: Draft, sole: str) -> list[str]:
 
 
 def open_limits(draft: Draft) -> None:
-    """Give joints without torque or speed limit one that nobody takes for told."""
+    """Replace missing or infinite torque and speed limits by ``NO_LIMIT``."""
     for joint in draft.joints.values():
         limit = joint.find("limit")
         if limit is None or not _moves(joint):
@@ -191,16 +191,16 @@ def open_limits(draft: Draft) -> None:
             try:
                 is_limit = 0.0 < float(limit.get(key, "0")) < math.inf
             except ValueError:
-                continue  # refused with its place when all else is checked
+                continue  # refused later, with its place
             if not is_limit:
                 limit.set(key, NO_LIMIT)
 
 
 def check_feet(draft: Draft, soles: Sequence[str]) -> None:
-    """Refuse two soles on one leg.
+    """Refuse soles on the base, and two soles on one leg.
 
     Raises:
-        RobotFileError: one hangs on what moves with the other.
+        RobotFileError: a sole is part of the base, or one moves with the other.
     """
     for this, other in (soles, reversed(soles)):
         if foot_links(draft, this)[0] == draft.base:
@@ -217,13 +217,13 @@ def check_feet(draft: Draft, soles: Sequence[str]) -> None:
 
 
 def settle_inertias(draft: Draft, *, repair: bool) -> None:
-    """Name bodies whose inertia no body has; give them the nearest one that can be.
+    """Find links whose inertia no body can have, and repair them if asked.
 
-    Second moments of mass are Sigma = tr(I) / 2 E - I, which no body has negative:
-    those that are become those of a small body.
+    The second moments of mass, Sigma = tr(I) / 2 E - I, cannot be negative. Negative
+    ones are replaced by those of a small body.
 
     Raises:
-        RobotFileError: there are such bodies, and it was not.
+        RobotFileError: there are such links, and ``repair`` is false.
     """
     impossible = []
     for name, link in draft.links.items():
@@ -234,10 +234,10 @@ def settle_inertias(draft: Draft, *, repair: bool) -> None:
         try:
             I[_UPPER] = [float(tensor.get(key, "")) for key in _INERTIA]
         except ValueError:
-            continue  # refused with its place when all else is checked
+            continue  # refused later, with its place
         I = np.triu(I) + np.triu(I, 1).T  # noqa: E741
         if not np.all(np.isfinite(I)):
-            continue  # likewise
+            continue  # refused later, too
         second = 0.5 * np.trace(I) * np.eye(3) - I
         values, axes = np.linalg.eigh(second)
         if values[0] >= -_ROUNDING * values[2] and np.linalg.eigvalsh(I)[0] > 0.0:

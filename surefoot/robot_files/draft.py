@@ -1,4 +1,4 @@
-"""A URDF under work: its links, joints and meshes, and notes on what was done."""
+"""A URDF under work: links, joints and meshes, and notes on what was done."""
 
 from __future__ import annotations
 
@@ -37,8 +37,8 @@ class Note(NamedTuple):
     """One line of the report.
 
     Attributes:
-        kind: whose word it is: the URDF's, a change of it, a guess, or still to do.
-        text: names what it is about.
+        kind: found in the URDF, guessed, changed, or left to the user.
+        text: what it is, with names.
     """
 
     kind: NoteKind
@@ -46,17 +46,17 @@ class Note(NamedTuple):
 
 
 class Draft:
-    """The tree of a URDF, to be changed in place.
+    """The tree of a URDF, changed in place.
 
     Attributes:
-        path: where it was read.
-        root: its <robot>.
-        notes: what was done to it.
-        lost: links to a mesh of theirs that is not there.
+        path: path of the URDF.
+        root: its <robot> element.
+        notes: lines of the report.
+        lost: name of a missing mesh, by link.
     """
 
     def __init__(self, path: Path) -> None:
-        """Read a URDF; what is not link, joint or material is left out.
+        """Read a URDF; only links, joints and materials are kept.
 
         Raises:
             RobotFileError: it is no URDF, or its links form no tree.
@@ -79,7 +79,7 @@ class Draft:
         joints_above(path, self.links, self.root.findall("joint"))
 
     def note(self, kind: NoteKind, text: str) -> None:
-        """Keep a line for the report."""
+        """Add a line to the report."""
         self.notes.append(Note(kind, text))
 
     @property
@@ -94,17 +94,17 @@ class Draft:
 
     @property
     def above(self) -> dict[str, ElementTree.Element]:
-        """Link to the joint that carries it."""
+        """The joint above each link, by name of the link."""
         return {end(j, "child"): j for j in self.root.findall("joint")}
 
     @property
     def base(self) -> str:
-        """The link that hangs on no joint."""
+        """The link without a joint above it."""
         above = self.above
         return next(name for name in self.links if name not in above)
 
     def chain(self, link: str) -> list[ElementTree.Element]:
-        """The joints above a link, the nearest first."""
+        """Return the joints above a link, the nearest first."""
         above, found = self.above, []
         while (joint := above.get(link)) is not None:
             found.append(joint)
@@ -112,7 +112,7 @@ class Draft:
         return found
 
     def below(self, link: str) -> list[str]:
-        """A link and all that hang on it."""
+        """Return a link and all links below it."""
         children: dict[str, list[str]] = {}
         for joint in self.root.findall("joint"):
             children.setdefault(end(joint, "parent"), []).append(end(joint, "child"))
@@ -122,20 +122,20 @@ class Draft:
         return found
 
     def carried_kg(self, joint: ElementTree.Element) -> float:
-        """Mass of all that hangs on a joint; what cannot be read counts nothing."""
+        """Return the mass below a joint [kg]; unreadable masses count as zero."""
         links = self.links
         return sum(mass_of(links[name]) for name in self.below(end(joint, "child")))
 
     @property
     def mass_kg(self) -> float:
-        """Mass of all links."""
+        """Mass of all links [kg]."""
         return sum(mass_of(link) for link in self.links.values())
 
     def find_link(self, name: str, *, option: str) -> str:
-        """Return the name of a link that somebody gave.
+        """Return the name of a link given by the user.
 
         Raises:
-            RobotFileError: there is none; with the nearest names.
+            RobotFileError: there is no such link; names the nearest ones.
         """
         links = list(self.links)
         if name in links:
@@ -147,7 +147,7 @@ class Draft:
         raise RobotFileError(f"{self.path}: {option}: no link {name!r}{hint}")
 
     def fix(self, joint: ElementTree.Element) -> None:
-        """Make a joint fixed where zero is, or the end of its range nearest to it."""
+        """Make a joint fixed at zero, or at the end of its range nearest to zero."""
         from scipy.spatial.transform import Rotation
 
         limit = joint.find("limit")
@@ -157,9 +157,9 @@ class Draft:
             angle = min(max(0.0, lower), upper) if lower <= upper else 0.0
         axis = _triple(joint.find("axis"), "xyz", "1 0 0")
         turned = _triple(joint.find("origin"), "rpy")
-        if angle and np.isfinite((axis, turned)).all():  # refused with its place else
+        if angle and np.isfinite((axis, turned)).all():  # others are refused later
             place = Rotation.from_euler("xyz", turned)
-            length = float(np.linalg.norm(axis)) or 1.0  # without a direction: refused
+            length = float(np.linalg.norm(axis)) or 1.0  # zero axes are refused later
             turn = Rotation.from_rotvec(angle * axis / length)
             write_origin(
                 joint,
@@ -170,16 +170,16 @@ class Draft:
         drop(joint, ("limit", "mimic", "dynamics", "axis"))
 
     def add_frame(self, name: str, *, parent: str, place: Vec3, R: Mat) -> str:
-        """Add a link without mass, fixed to another.
+        """Add a link without mass, fixed to another link.
 
         Args:
-            name: wanted; another one when it is taken.
-            parent: link it is fixed to.
-            place: (3,) in the parent [m].
-            R: (3, 3) the parent from the frame.
+            name: wanted name; ``_frame`` is added while it is taken.
+            parent: link that it is fixed to.
+            place: (3,) position in the parent [m].
+            R: (3, 3) parent from frame.
 
         Returns:
-            Its name.
+            The link's name.
         """
         taken = {*self.links, *self.joints}
         while name in taken or f"{name}_joint" in taken:
@@ -194,12 +194,12 @@ class Draft:
         return name
 
     def text(self) -> str:
-        """The URDF as it is now."""
+        """Return the present URDF."""
         ElementTree.indent(self.root)
         return ElementTree.tostring(self.root, encoding="unicode") + "\n"
 
     def _check_expanded(self) -> None:
-        """Refuse what xacro was still to work out."""
+        """Refuse a URDF with xacro expressions."""
         for element in self.root.iter():
             tag, values = str(element.tag), element.attrib.values()
             left = [word for word in values if "${" in word or "$(" in word]
@@ -213,19 +213,19 @@ class Draft:
 
 
 def listed(names: list[str]) -> str:
-    """Return names as a list in words, cut when there are many."""
+    """Return names as a list in words, shortened when there are many."""
     shown = ", ".join(names[:_MOST_NAMES])
     more = len(names) - _MOST_NAMES
     return f"{shown} and {more} more" if more > 0 else shown
 
 
 def write_origin(element: ElementTree.Element, place: Vec3, R: Mat) -> None:
-    """Say where a joint is on its parent.
+    """Set a joint's place on its parent.
 
     Args:
         element: the joint.
-        place: (3,) [m].
-        R: (3, 3) the parent from the joint.
+        place: (3,) position in the parent link [m].
+        R: (3, 3) parent link from joint.
     """
     from scipy.spatial.transform import Rotation
 
@@ -238,13 +238,13 @@ def write_origin(element: ElementTree.Element, place: Vec3, R: Mat) -> None:
 
 
 def mass_of(link: ElementTree.Element) -> float:
-    """Mass of a link [kg]; zero for what cannot be read."""
+    """Return the mass of a link [kg]; zero if it cannot be read."""
     element = link.find("inertial/mass")
     return 0.0 if element is None else _number(element.get("value"))
 
 
 def _number(text: str | None) -> float:
-    """A number; zero for what is none, which is refused later, with its place."""
+    """Return a number; zero if it is none, which is refused later with its place."""
     try:
         return float(text or 0.0)
     except ValueError:
@@ -260,11 +260,11 @@ def _triple(
 
 
 Copies = dict[Path, Path]
-"""Where a file is to go, to where it is."""
+"""Source path of each file to copy, by target path."""
 
 
 def find_meshes(draft: Draft, package_dirs: Sequence[Path]) -> None:
-    """Point every mesh at its file; those that are not there are left out."""
+    """Set every mesh's path; shapes whose mesh is missing are removed."""
     lost: list[str] = []
     for link, shape, mesh in list(_meshes(draft)):
         name = mesh.get("filename", "")
@@ -278,19 +278,19 @@ def find_meshes(draft: Draft, package_dirs: Sequence[Path]) -> None:
     if lost:
         draft.note(
             "left to you",
-            f"{len(lost)} meshes are not there and were left out, {lost[0]} for one; "
-            "say where packages are with --package-dir",
+            f"{len(lost)} meshes are not there and were left out, such as {lost[0]}; "
+            "name their folder with --package-dir",
         )
 
 
 def carry_meshes(draft: Draft, out: Path, *, folder: str) -> Copies:
-    """Name every mesh relative to the new URDF, so that both can be moved together.
+    """Make all mesh paths relative to the new URDF, so that both can be moved.
 
-    What is below the URDF's folder stays where it is. Everything else is to be copied
-    into one of its own, as the files lie to each other now: they may name one another.
+    Meshes below the new URDF's folder stay. All others are to be copied into one
+    folder. They keep their relative places, since they may refer to each other.
 
     Returns:
-        What is to be copied.
+        Files to copy.
     """
     here = out.resolve()
     elements = [mesh for *_, mesh in _meshes(draft)]
@@ -318,15 +318,15 @@ def carry_meshes(draft: Draft, out: Path, *, folder: str) -> Copies:
 
 
 def _in_its_folder(path: Path) -> Path:
-    """An absolute path; a link into a store of files keeps its own name."""
+    """Return an absolute path; a symbolic link keeps its own name."""
     return path.parent.resolve() / path.name
 
 
 def check_copies(copies: Copies) -> None:
-    """Refuse to put a mesh where another file is: it may be somebody's own.
+    """Refuse to replace a different file at a target, which may be the user's.
 
     Raises:
-        UsageError: with the file.
+        UsageError: names the file.
     """
     for target, source in copies.items():
         if target.exists() and not filecmp.cmp(target, source, shallow=False):
@@ -337,7 +337,7 @@ def check_copies(copies: Copies) -> None:
 
 
 def copy_meshes(copies: Copies) -> None:
-    """Copy them, each whole or not at all."""
+    """Copy the files, each completely or not at all."""
     for target, source in copies.items():
         target.parent.mkdir(parents=True, exist_ok=True)
         with atomic_file(target) as file:
@@ -347,7 +347,7 @@ def copy_meshes(copies: Copies) -> None:
 def _meshes(
     draft: Draft,
 ) -> Iterator[tuple[ElementTree.Element, ElementTree.Element, ElementTree.Element]]:
-    """Link, shape and mesh of every shape that is a mesh."""
+    """Yield link, shape and mesh of every shape with a mesh."""
     for link in draft.root.iter("link"):
         for tag in ("visual", "collision"):
             for shape in link.findall(tag):
@@ -357,13 +357,13 @@ def _meshes(
 
 
 def _mesh_path(name: str, urdf: Path, package_dirs: Sequence[Path]) -> Path | None:
-    """Look for a mesh by its name, also where that is a URI with %20 for a blank."""
+    """Find a mesh by its name, which may be a URI with ``%20`` for a blank."""
     places = (_mesh_called(n, urdf, package_dirs) for n in (name, unquote(name)))
     return next(filter(None, places), None)
 
 
 def _mesh_called(name: str, urdf: Path, package_dirs: Sequence[Path]) -> Path | None:
-    """Look for a mesh where ROS would, and beside and above the URDF."""
+    """Find a mesh where ROS looks, and beside and above the URDF."""
     match = re.match(r"(?:package|model)://+(.*)", name)
     folders = [*package_dirs, *urdf.resolve().parents]
     if match is None:

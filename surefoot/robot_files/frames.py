@@ -1,4 +1,4 @@
-"""Finds soles, force-torque sensors and the inertial unit in a URDF."""
+"""Finds soles, force-torque sensors and the IMU in a URDF."""
 
 from __future__ import annotations
 
@@ -19,18 +19,18 @@ _FT = re.compile(
     r"(?:^|[_\W])(?:fts?|force|wrench|loadcell)(?:[_\W\d]|$)|force_?torque", re.I
 )
 _IMU = re.compile(r"(?:^|[_\W])imu|gyro|acceleromet|ahrs|inertial", re.I)
-"""Whole words: there is an ft in every left_foot."""
+"""Names with these words; whole words, since every ``left_foot`` contains ``ft``."""
 SAME_PLACE_M, SAME_TURN_RAD = 1e-3, 1e-3
-"""A link this near to the middle of the rectangle is its frame."""
+"""A link this near to the sole's middle and attitude serves as its frame."""
 
 
 @dataclass(frozen=True)
 class FoundFoot:
-    """A foot, and whether its numbers were measured from shapes.
+    """A foot, and the sole that was measured for it.
 
     Attributes:
-        foot: as in the robot file.
-        sole: the rectangle, in the base link, all joints at zero.
+        foot: entry of the robot file.
+        sole: rectangle in the base link, with all joints at zero.
     """
 
     foot: Foot
@@ -46,7 +46,7 @@ def find_foot(
     sensor: str | None,
     directions: Directions,
 ) -> FoundFoot:
-    """Measure a sole and find the sensor above it; add the sole's frame.
+    """Measure a sole, find the sensor above it, and add the sole's frame.
 
     Raises:
         RobotFileError: the foot has no shape that could be a sole, or the sensor is
@@ -83,7 +83,7 @@ def find_foot(
 def measure_sole(
     draft: Draft, link: str, *, side: str, directions: Directions
 ) -> tuple[Sole, Tag]:
-    """Find the rectangle of a foot, and in which shapes.
+    """Return the rectangle of a foot, and the kind of shapes that show it.
 
     Raises:
         RobotFileError: the foot has no shape that could be a sole.
@@ -113,7 +113,7 @@ def measure_sole(
 def _sensor(
     draft: Draft, link: str, given: str | None, *, side: str
 ) -> tuple[str, Note]:
-    """The link below the sensor, and a note on it."""
+    """Return the link below the sensor, and a note on it."""
     joints = []
     for joint in draft.chain(link):
         joints.append(joint)
@@ -170,7 +170,7 @@ def _mass_below(draft: Draft, link: str) -> float:
 def _bare_frame_at(
     draft: Draft, body: Body, links: list[str], sole: Sole, *, below: str
 ) -> str | None:
-    """A link without mass or shape that is the sole's frame already."""
+    """Return a link without mass or shape at the sole's frame; None without one."""
     inside = set(draft.below(below)) - {below}
     for name in links:
         if name not in inside or len(draft.links[name]) or len(draft.below(name)) > 1:
@@ -184,10 +184,10 @@ def _bare_frame_at(
 
 
 def find_imu(draft: Draft, given: str | None) -> str:
-    """The link whose frame the inertial unit reads in.
+    """Return the link whose frame the IMU reads in.
 
     Raises:
-        RobotFileError: what was named moves against the base.
+        RobotFileError: the named link moves relative to the base.
     """
     base = draft.base
     if given is not None:

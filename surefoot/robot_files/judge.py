@@ -1,4 +1,4 @@
-"""Judges a robot file: numbers, a verdict on each, and how scenarios fit."""
+"""Checks a robot file: figures, a verdict on each, and which scenarios fit."""
 
 from __future__ import annotations
 
@@ -36,13 +36,13 @@ Verdict = Literal["ok", "warning"]
 TILT_DEG, YAW_DEG = 2.0, 10.0
 HEIGHT_DIFFERENCE_MM = 2.0
 OFF_CENTRE_SHARE = 0.5
-"""Of a sole's half length: the CoM farther from the middle has little room to tip."""
+"""Share of a sole's half length; a CoM farther from the middle is a warning."""
 SAG_DEG, SAG_MM = 2.0, 20.0
 TORQUE_SHARE = 0.8
 SMALLEST_SOLE, LARGEST_SOLE = 0.06, 0.4
-"""Half length of the sole over height of the CoM."""
+"""Half length of the sole over height of the CoM [1]."""
 ROTOR_SHARE = 3e-4
-"""Rotor inertia of a leg joint over mass times height squared; the Walker's: 4e-3."""
+"""Rotor inertia of a leg joint over mass times height squared [1]; Walker: 4e-3."""
 HEAVY_PLATE_SHARE = 0.1
 KNEE_RISE_SHARE = 0.025
 ANKLE_DEG = 5.0
@@ -50,14 +50,14 @@ _MM = 1e3
 
 
 class Finding(msgspec.Struct, frozen=True, kw_only=True):
-    """One line of the judgement.
+    """One line of the report.
 
     Attributes:
-        name: what was looked at.
+        name: what was checked.
         verdict: ``ok`` or ``warning``.
-        got: in words, with units.
+        got: the result in words, with units.
         advice: what to do about a warning; empty otherwise.
-        values: the numbers, their units in their names.
+        values: the figures; their names have the units.
     """
 
     name: str
@@ -68,7 +68,7 @@ class Finding(msgspec.Struct, frozen=True, kw_only=True):
 
 
 def quick_findings(robot: Robot) -> list[Finding]:
-    """Judge what costs some milliseconds: all that standing still needs."""
+    """Check all that standing still needs; takes some milliseconds."""
     model = RobotModel(robot)
     standing = stand(model)
     return [
@@ -86,7 +86,7 @@ def quick_findings(robot: Robot) -> list[Finding]:
 
 
 def _trunk(model: RobotModel) -> Finding:
-    """Whether the legs hang on the base itself."""
+    """Check that the legs hang on the base itself."""
     pin_model = model.pin_model
     chains = []
     for frame in model.sole_ids:
@@ -99,7 +99,7 @@ def _trunk(model: RobotModel) -> Finding:
     return _finding(
         "trunk",
         f"both legs hang on {shared}" if shared else "each leg hangs on the base",
-        advice="what is above would lean, since the base alone is held upright; fix "
+        advice="links above them would lean: only the base is held upright; fix "
         f"{shared}, as new-robot does"
         if shared
         else "",
@@ -107,7 +107,7 @@ def _trunk(model: RobotModel) -> Finding:
 
 
 def default_settings(robot: Robot) -> Finding:
-    """Whether the settings as shipped, and simulated time, fit the robot."""
+    """Check that the default settings and the simulator's time step fit the robot."""
     ticks = robot.period_s / SIM_STEP_S
     advice = ""
     try:
@@ -128,7 +128,7 @@ def default_settings(robot: Robot) -> Finding:
 
 
 def warnings_of(robot: Robot) -> list[str]:
-    """Return a line for each warning that standing still needs."""
+    """Return a line for each warning of :func:`quick_findings`."""
     return [
         f"{robot.path}: {f.name}: {f.got}; {f.advice}"
         for f in quick_findings(robot)
@@ -137,7 +137,7 @@ def warnings_of(robot: Robot) -> list[str]:
 
 
 def reach_findings(robot: Robot, reach: Reach, com_height_m: float) -> list[Finding]:
-    """Judge how far the legs reach; the CoM's height is above the soles."""
+    """Check how far the legs reach; ``com_height_m`` is above the soles."""
     sink, rise = robot.file.com_travel_m
     found_rise, found_sink = _MM * reach.rise_m, _MM * reach.sink_m
     is_short = found_rise < _MM * rise - 5.0 or found_sink < -_MM * sink - 5.0
@@ -174,7 +174,7 @@ def reach_findings(robot: Robot, reach: Reach, com_height_m: float) -> list[Find
 def _finding(
     name: str, got: str, *, advice: str = "", values: dict[str, float] | None = None
 ) -> Finding:
-    """A warning where there is advice."""
+    """Return a finding; it is a warning if it has advice."""
     return Finding(
         name=name,
         verdict="warning" if advice else "ok",
@@ -188,7 +188,7 @@ def _mass(standing: Standing, robot: Robot) -> Finding:
     return _finding(
         "mass",
         f"{standing.mass:.1f} kg, {robot.n_a} joints, CoM {standing.com[2]:.3f} m "
-        "above the soles; every inertia is one that a body can have",
+        "above the soles; all inertias are possible",
         values={"mass_kg": standing.mass, "com_height_m": float(standing.com[2])},
     )
 
@@ -202,7 +202,7 @@ def _plates(standing: Standing, robot: Robot) -> Finding:
             "the URDF, below ft_link"
         )
     elif max(left, right) > HEAVY_PLATE_SHARE * standing.mass:
-        advice = "that is more than a foot weighs; is ft_link the one below the sensor?"
+        advice = "too heavy for a foot; is ft_link the link below the sensor?"
     elif abs(left - right) > 0.1 * max(left, right):
         advice = "left and right differ; do both ft_link name the same place?"
     return _finding(
@@ -333,7 +333,7 @@ def capture_finding(capture: Array) -> Finding:
     """Tell the hardest pushes that can be caught without a step.
 
     Args:
-        capture: (8,) by direction [N s].
+        capture: (8,) limits by direction, every 45 deg from ahead to the left [N s].
     """
     ahead, left, back, right = capture[[0, 2, 4, 6]].tolist()
     return _finding(
@@ -345,11 +345,11 @@ def capture_finding(capture: Array) -> Finding:
 
 
 def one_foot_finding(share: float) -> Finding:
-    """Judge whether the robot can stand on one foot, as it must to walk."""
+    """Check that a knee can carry the robot on one foot, as walking needs."""
     return _finding(
         "one foot",
         f"to carry the robot alone a knee needs {100.0 * share:.0f} % of its torque",
-        advice="it cannot walk so, nor stand when a foot lifts; bend the knees less "
+        advice="it can neither walk nor stand on one foot; bend the knees less "
         "(surefoot new-robot --rise), or check torque_limit_nm"
         if share > ONE_FOOT_SHARE
         else "",
@@ -358,7 +358,7 @@ def one_foot_finding(share: float) -> Finding:
 
 
 class RobotFileReport(msgspec.Struct, frozen=True, kw_only=True):
-    """A robot file, judged."""
+    """The findings on a robot file."""
 
     robot: str
     path: str
@@ -367,7 +367,7 @@ class RobotFileReport(msgspec.Struct, frozen=True, kw_only=True):
 
 
 def judge(robot: Robot, margins: LoopMargins) -> RobotFileReport:
-    """Judge a robot whose files were loaded, and so refused if they contradict."""
+    """Check a robot whose files have been loaded, and thus do not contradict."""
     model = RobotModel(robot)
     search, capture = reach_search(model), capture_limits(model)
     fits = []

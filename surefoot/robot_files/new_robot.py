@@ -1,4 +1,4 @@
-"""Makes a robot file from a URDF: what the URDF tells is found, the rest is guessed."""
+"""Makes a robot file from a URDF; guesses what the URDF does not tell."""
 
 from __future__ import annotations
 
@@ -40,36 +40,37 @@ from surefoot.stabilizer.stance.legs import Body, Directions, find_directions, r
 from surefoot.stabilizer.stance.nominal import NominalPosture, find_nominal
 
 LOWEST_M, HIGHEST_M = 0.05, 3.0
-"""Of the centre of mass above the soles."""
+"""Bounds for the height of the centre of mass above the soles [m]."""
 SIGNATURE = "by surefoot new-robot"
 BESIDE_M = 0.03
-"""Least gap between the soles."""
+"""Least gap between the soles [m]."""
 LONGEST_NAME = 100
-"""Of a robot: files and folders have it in theirs."""
+"""Characters in a robot's name, which is part of file and folder names."""
 UNLIKE = 1.2
-"""Soles whose sides differ by more are not those of one pair."""
+"""Soles whose sizes differ by a larger factor are reported as unlike."""
 NARROW_M = 0.03
+"""Soles narrower than this are reported [m]."""
 
 
 @dataclass(frozen=True)
 class NewRobotOptions:
-    """What somebody may say about a robot beside its URDF.
+    """What the user may say about a robot beside its URDF.
 
     Attributes:
         left_sole: link of the left foot.
         right_sole: link of the right foot.
         left_ft: link below the left force-torque sensor.
-        right_ft: the same of the right one.
-        imu: link whose frame the inertial unit reads in.
-        name: of the robot; the URDF's by default.
+        right_ft: link below the right force-torque sensor.
+        imu: link whose frame the IMU reads in.
+        name: name of the robot; the URDF's when None.
         fix: patterns of joints to fix.
         keep: patterns of joints not to fix.
         legs_only: fix all joints above the legs.
         package_dirs: folders that hold packages of meshes.
-        repair_inertias: make impossible ones possible.
-        rise_m: how far the CoM should be able to rise over its feet.
-        sink_m: how far to sink, positive.
-        rate_hz: of the robot's control loop.
+        repair_inertias: replace impossible inertias by possible ones.
+        rise_m: how far the CoM should be able to rise over its feet [m].
+        sink_m: how far it should be able to sink, positive [m].
+        rate_hz: rate of the robot's control loop [Hz].
     """
 
     left_sole: str
@@ -90,7 +91,7 @@ class NewRobotOptions:
 
 @dataclass(frozen=True)
 class NewRobot:
-    """A robot that was made."""
+    """The new robot, and the report on it."""
 
     robot: Robot
     notes: tuple[Note, ...]
@@ -99,22 +100,22 @@ class NewRobot:
 def new_robot(
     urdf: Path, options: NewRobotOptions, *, out: Path, overwrite: bool = False
 ) -> NewRobot:
-    """Write ``name.toml``, ``name.urdf`` and meshes for a robot known by its URDF.
+    """Write ``name.toml``, ``name.urdf`` and meshes for the robot of a URDF.
 
-    All paths in them are relative: the folder can be moved.
+    All paths in them are relative, so that the folder can be moved.
 
     Args:
-        urdf: of the robot; it stays as it is.
-        options: what is known beside it.
-        out: folder for the files; made if it is not there.
-        overwrite: replace files of these names.
+        urdf: the robot's URDF; it is not changed.
+        options: what the user says beside it.
+        out: folder for the files; it is made if missing.
+        overwrite: replace files of these names that this function wrote.
 
     Returns:
         The robot and the report.
 
     Raises:
-        RobotFileError: the URDF is broken, or no posture to stand in was found.
-        UsageError: the files are there already.
+        RobotFileError: the URDF is broken, or no standing posture was found.
+        UsageError: the files exist.
     """
     if options.left_sole == options.right_sole:
         raise UsageError(
@@ -137,7 +138,7 @@ def new_robot(
     feet = _feet(draft, body, options, directions)
     _check_size(draft, _com_height(body, feet, directions))
     for link in draft.root.iter("link"):
-        drop(link, ("collision",))  # here soles alone touch anything
+        drop(link, ("collision",))  # in the simulator only soles touch the ground
     body = read_body(bare_text(draft.root), source=str(urdf))
     try:
         nominal = _posture(body, feet, options, directions)
@@ -166,7 +167,7 @@ def new_robot(
     _note_soles(draft, feet)
     copies = carry_meshes(draft, out, folder=f"{name}_meshes")
     check_copies(copies)
-    # Nothing in a name may end the comment: no new line, no two dashes.
+    # A name must not end the comment: no new line, no two dashes.
     made = " ".join(f"{name}, {SIGNATURE} from {urdf.name}".split()).replace(
         "--", "- -"
     )
@@ -191,10 +192,10 @@ def new_robot(
 
 
 def _try(contents: dict[Path, str], *, out: Path) -> None:
-    """See that the files can be loaded, and the robot be balanced.
+    """Check that the files can be loaded, and the robot be balanced.
 
     Raises:
-        RobotFileError: with the path that the file would have had.
+        RobotFileError: they cannot; it names the final path.
     """
     with tempfile.TemporaryDirectory() as trial:
         paths = [Path(trial) / path.name for path in contents]
@@ -232,7 +233,7 @@ def _cleaned(urdf: Path, options: NewRobotOptions) -> Draft:
 
 
 def _directions(draft: Draft, body: Body, options: NewRobotOptions) -> Directions:
-    """Up and ahead: roughly from the feet's links, then from the soles themselves."""
+    """Return up and ahead: first from the feet's links, then from the soles."""
     links = (options.left_sole, options.right_sole)
     left, right = (body.placement(link).translation for link in links)
     rough = find_directions(body, links[0], (left, right))
@@ -286,7 +287,7 @@ def _posture(
 
 
 def _check_size(draft: Draft, com_height_m: float) -> None:
-    """Refuse a robot of other units."""
+    """Refuse a robot whose size suggests other units than metres."""
     if not LOWEST_M < com_height_m < HIGHEST_M:
         raise RobotFileError(
             f"{draft.path}: its centre of mass is {com_height_m:.4g} m above the "
@@ -324,7 +325,7 @@ def _check_sides(
 def _com_height(
     body: Body, feet: tuple[FoundFoot, FoundFoot], directions: Directions
 ) -> float:
-    """Above the soles, all joints at zero [m]."""
+    """Return the CoM's height above the soles with all joints at zero [m]."""
     middle = 0.5 * (feet[0].sole.centre + feet[1].sole.centre)
     return float((body.data.com[0] - middle) @ directions.up)
 
@@ -361,24 +362,24 @@ def _note_posture(draft: Draft, nominal: NominalPosture) -> None:
 
 
 def _note_soles(draft: Draft, feet: tuple[FoundFoot, FoundFoot]) -> None:
-    """Doubt soles that are no pair, or very narrow."""
+    """Note soles that differ in size or are very narrow."""
     left, right = ((found.sole.half_length, found.sole.half_width) for found in feet)
     pairs = list(zip(left, right, strict=True))
     if max(max(pair) / min(pair) for pair in pairs) > UNLIKE:
         draft.note(
             "left to you",
-            "the soles differ in size: are both feet's shapes what touches the ground?",
+            "the soles differ in size: do the shapes of both feet touch the ground?",
         )
     if min(*left, *right) < 0.5 * NARROW_M:
         draft.note(
             "left to you",
-            f"a sole is narrower than {1e3 * NARROW_M:.0f} mm: is its shape what "
-            "touches the ground?",
+            f"a sole is narrower than {1e3 * NARROW_M:.0f} mm: does its shape "
+            "touch the ground?",
         )
 
 
 def _name(wanted: str) -> str:
-    """A name that can be a file and a Zenoh namespace."""
+    """Return a name that is fit for files and as a Zenoh namespace."""
     name = re.sub(r"[^a-z0-9_\-]+", "_", wanted.strip().lower()).strip("_")
     if not name or len(name) > LONGEST_NAME:
         raise UsageError(

@@ -17,11 +17,11 @@ from surefoot.stabilizer.stance.nominal import NominalPosture
 WALKER_MASS_KG = 70.0
 WALKER_COM_HEIGHT_M = 0.83
 FASTEST_RAD_S, USUAL_RAD_S = 50.0, 6.0
-"""A joint speed above the first is no limit; the second stands for it."""
+"""A higher joint speed in a URDF is a placeholder; the second value replaces it."""
 STRONGEST = 2.0
-"""A torque of more than this many times mass x gravity x height is no limit."""
+"""A torque above this multiple of mass x gravity x height is a placeholder."""
 HOLD_S, HOLD_TICKS = 0.02, 4
-"""Silence that is borne: the longer of the two."""
+"""Silence that the robot tolerates: the longer of the two [s, ticks]."""
 _DAMPING = 1.0
 _UPRIGHT_AXIS = 0.7
 GUESSED = "  # guessed"
@@ -32,34 +32,34 @@ profile = "ideal"
 
 [servo.profiles.ideal]
 velocity_limit_rad_s = 12.0  # guessed
-lag_s = 0.0  # guessed; the time by which a slow sine of the joint comes late
+lag_s = 0.0  # guessed; delay of a slow sine motion of the joint
 
-# The same of slow drives, as behind harmonic gears: --servo-profile harmonic.
+# Slow drives, as with harmonic gears: --servo-profile harmonic.
 [servo.profiles.harmonic]
 velocity_limit_rad_s = 3.1  # guessed
 lag_s = 0.02  # guessed
 
-# What the robot refuses, whoever asks.
+# Limits of the commands that the robot accepts.
 """
 _GATE = """[gate]
 step_limit_rad = {step}
 hold_after_s = {hold}
 fault_after_s = 1.0
 
-# Their order is the order of every array on the bus. kp, kd, damping: the servo's law,
-# as its maker or a step response tells. armature: the rotor's inertia times the gear
+# Arrays on the bus have the joints in this order. kp, kd and damping are the servo's,
+# from its maker or a step response. armature is the rotor's inertia times the gear
 # ratio squared.
 """
 
 
 class Drive(NamedTuple):
-    """A servo.
+    """The parameters of a servo.
 
     Attributes:
-        kp: [N m/rad].
-        kd: [N m s/rad].
+        kp: stiffness [N m/rad].
+        kd: damping [N m s/rad].
         armature: rotor inertia at the joint [kg m^2].
-        torque: [N m].
+        torque: torque limit [N m].
     """
 
     kp: float
@@ -74,19 +74,19 @@ _SHOULDER = Drive(1000.0, 40.0, 0.12, 96.2)
 _ARM = Drive(600.0, 25.0, 0.1, 96.2)
 _LIGHT = Drive(200.0, 8.0, 0.03, 27.3)
 _CARRIES = ((0.2, _STRONG), (0.035, _SHOULDER), (0.015, _ARM), (0.0, _LIGHT))
-"""Joints above the legs: by the part of the robot's mass that hangs on them."""
+"""Drives of joints above the legs, by the share of the mass that they carry."""
 
 
 class Scale:
-    """How drives grow from the Walker to a robot.
+    """Scales the Walker's drives to another robot.
 
-    With mass M and height h of the CoM, at the same gravity: what holds it against
-    tipping grows with M h; its motions slow down with sqrt(h), so damping grows with
-    M h^1.5 and inertia with M h^2.
+    M is the mass and h the height of the CoM, relative to the Walker's. At the same
+    gravity, the stiffness against tipping grows with M h. Motions slow down with
+    sqrt(h), so damping grows with M h^1.5 and inertia with M h^2.
     """
 
     def __init__(self, mass_kg: float, com_height_m: float) -> None:
-        """Compare with the Walker."""
+        """Compute the ratios to the Walker."""
         self.tipping_nm = mass_kg * GRAVITY_M_S2 * com_height_m
         mass, height = mass_kg / WALKER_MASS_KG, com_height_m / WALKER_COM_HEIGHT_M
         self._stiff = mass * height
@@ -94,7 +94,7 @@ class Scale:
         self._heavy = mass * height**2
 
     def drive(self, like: Drive) -> Drive:
-        """One of the Walker's drives for this robot."""
+        """Return one of the Walker's drives, scaled to this robot."""
         return Drive(
             kp=_round(like.kp * self._stiff),
             kd=_round(like.kd * self._damped),
@@ -108,31 +108,31 @@ class Scale:
         return _round(_DAMPING * self._damped)
 
     def torque_is_told(self, effort: float) -> bool:
-        """Whether a URDF's effort is a limit and no placeholder [N m]."""
+        """Return whether a URDF's effort [N m] is a limit, and not a placeholder."""
         return 0.0 < effort <= STRONGEST * self.tipping_nm
 
 
 def leg_drive(*, place: int, knee: int, axis: Vec3, up: Vec3) -> Drive:
-    """The Walker's drive of a leg joint.
+    """Return the Walker's drive for a leg joint.
 
     Args:
-        place: of the joint in its leg, 0 at the base.
-        knee: place of the knee.
-        axis: (3,) in the base link, all joints at zero, of length one.
-        up: (3,) in the base link.
+        place: index of the joint in its leg, 0 at the base.
+        knee: index of the knee.
+        axis: (3,) unit axis in the base link, with all joints at zero.
+        up: (3,) unit vector in the base link.
     """
     is_yaw = place < knee and abs(float(axis @ up)) > _UPRIGHT_AXIS
     return _FIRM if is_yaw or place > knee else _STRONG
 
 
 def velocity_limit(told: float) -> tuple[float, bool]:
-    """A joint's speed limit [rad/s], and whether the URDF tells it."""
+    """Return a joint's speed limit [rad/s], and whether it is the URDF's."""
     is_told = 0.0 < told <= FASTEST_RAD_S
     return (told if is_told else USUAL_RAD_S), is_told
 
 
 def _round(value: float) -> float:
-    """Three digits: a guess deserves no more."""
+    """Round to three digits, since the value is a guess."""
     return float(np.format_float_positional(value, 3, fractional=False))
 
 
@@ -146,8 +146,14 @@ def joint_lines(
 ) -> list[JointLines]:
     """Describe all joints, in the order of the URDF.
 
-    Efforts that are no limits are written anew into the draft. The height of the CoM
-    above the soles [m] and up, (3,) in the base link, are those at zero of all joints.
+    Efforts in the draft that are placeholders are replaced by guesses.
+
+    Args:
+        draft: its limits are changed in place.
+        body: the robot.
+        nominal: its nominal posture.
+        com_height_m: CoM above the soles, with all joints at zero [m].
+        up: (3,) unit vector in the base link, with all joints at zero.
     """
     model = body.model
     scale = Scale(body.mass, com_height_m)
@@ -170,7 +176,7 @@ def joint_lines(
             like = next(drive for least, drive in _CARRIES if share >= least)
         drive = scale.drive(like)
         limit = element.find("limit")
-        assert limit is not None  # as the URDF was checked
+        assert limit is not None  # checked before
         effort = float(limit.get("effort", 0.0))
         torque_is_told = scale.torque_is_told(effort)
         if not torque_is_told:
@@ -201,7 +207,7 @@ def joint_lines(
 
 
 def _inside(nominal: NominalPosture, index: int) -> float:
-    """A nominal angle with four digits that rounding keeps inside its range [rad]."""
+    """Return a nominal angle with four digits, kept inside its range [rad]."""
     low, high = nominal.lower[index], nominal.upper[index]
     digits = round(float(nominal.q[index]), 4) + 0.0
     if low <= digits <= high:
@@ -214,7 +220,7 @@ def _soft(hard: float, soft: float) -> float | None:
 
 
 def _axis(body: Body, joint: str) -> Vec3:
-    """(3,) axis of a joint in the base link, all joints at zero."""
+    """Return (3,) a joint's axis in the base link, with all joints at zero."""
     model = body.model
     index = model.getJointId(joint)
     inside = np.asarray(model.joints[index].createData().S).reshape(6, -1)[3:, 0]
@@ -251,19 +257,19 @@ def _note_drives(
 
 
 class JointLines(NamedTuple):
-    """What the robot file says of a joint.
+    """The robot file's entries for one joint.
 
     Attributes:
-        name: in the URDF.
-        drive: guessed.
-        damping: guessed [N m s/rad].
-        torque: limit [N m].
-        torque_is_told: by the URDF.
-        velocity: limit [rad/s].
-        velocity_is_told: by the URDF.
-        nominal: [rad].
-        soft_lower: lower end of what is used, where tighter than the range [rad].
-        soft_upper: upper end.
+        name: name in the URDF.
+        drive: guessed drive.
+        damping: guessed passive damping [N m s/rad].
+        torque: torque limit [N m].
+        torque_is_told: whether the URDF gives it.
+        velocity: speed limit [rad/s].
+        velocity_is_told: whether the URDF gives it.
+        nominal: nominal angle [rad].
+        soft_lower: lower end of the used range [rad]; None if it is the joint's own.
+        soft_upper: upper end of the used range [rad]; None if it is the joint's own.
     """
 
     name: str
@@ -320,7 +326,7 @@ def robot_text(
     return "".join(
         (
             f"# Made from {source} by surefoot new-robot. Units are in the key names;\n"
-            "# a number marked as guessed is to be replaced by a measured one.\n",
+            "# replace numbers that are marked as guessed by measured ones.\n",
             head,
             soles,
             _SERVO,

@@ -1,4 +1,4 @@
-"""How much of a scenario a robot can reach, and the scenario made to fit it."""
+"""Tells how much of a scenario a robot can reach, and scales it to the robot."""
 
 from __future__ import annotations
 
@@ -22,28 +22,28 @@ from surefoot.stabilizer.stance.solver import Ground, GroundPose, ReachSearch
 
 SAMPLE_S = 0.01
 KEPT_SHARE = 0.9
-"""Of what can just be reached: what a scenario is scaled to."""
+"""Part of the reachable motion that a scenario is scaled to [1]."""
 LEAST_SHARE = 0.05
 PUSH_SHARE = 0.6
-"""Of the capture limit: what pushes are scaled to."""
+"""Part of the capture limit that pushes are scaled to [1]."""
 FOLLOWED_HZ = 0.2
-"""Ground that rises and sinks more slowly takes the centre of mass along."""
+"""Ground that heaves more slowly takes the centre of mass along [Hz]."""
 _AXES = ("z", "roll", "pitch")
 _SIZES = (
     *("amplitude_m", "amplitude_deg", "peak_to_peak_m", "peak_to_peak_deg"),
     *("gain", "scale"),
 )
-"""What makes a motion larger, whatever its kind."""
+"""Keys that scale a motion, for all kinds of motion."""
 
 
 class ScenarioFit(msgspec.Struct, frozen=True, kw_only=True):
-    """A scenario against a robot.
+    """A scenario compared with a robot's reach.
 
     Attributes:
-        name: of the scenario.
+        name: name of the scenario.
         ground_share: part of the ground's motion that the joints reach, at most 1.
         push_share: hardest push over what the soles can catch; 0 without pushes.
-        why: in words; empty when all is within reach.
+        why: what is out of reach, in words; empty when nothing is.
     """
 
     name: str
@@ -63,9 +63,9 @@ def fit(
 
     Args:
         scenario: its ground and pushes.
-        robot: that should stand it.
-        search: of the robot, when there are many scenarios.
-        capture: (8,) its capture limits; worked out by default [N s].
+        robot: the robot that is to stand it.
+        search: the robot's reach, to be reused for many scenarios.
+        capture: (8,) the robot's capture limits [N s]; computed when None.
     """
     model = RobotModel(robot)
     search = search or reach_search(model)
@@ -88,16 +88,16 @@ def fit(
 
 
 def scale_to_robot(scenario: Scenario, robot: Robot) -> tuple[Scenario, str]:
-    """Make a scenario smaller where a robot cannot reach it.
+    """Scale a scenario down where a robot cannot reach it.
 
-    Motions of the ground all get the same part, those along x and y, too; rates and
-    frequencies stay. Pushes beyond the capture limit get a part of it.
+    All motions of the ground are scaled by one factor, also those along x and y. Rates
+    and frequencies stay. Pushes beyond the capture limit are scaled by another factor.
 
     Returns:
-        The scenario, and in words what was done; the same one and no words if it fits.
+        The scenario, and in words what was done; unchanged and no words if it fits.
 
     Raises:
-        UsageError: hardly anything of it can be reached.
+        UsageError: hardly any of it can be reached.
     """
     found = fit(scenario, robot)
     if not found.why:
@@ -140,7 +140,7 @@ def _scaled(platform: Platform, share: float) -> Platform:
 
 
 def _extremes(scenario: Scenario) -> list[Ground]:
-    """The farthest that the ground gets, in every direction of z, roll and pitch."""
+    """Return extreme poses of the ground in z, roll, pitch and pairs of them."""
     tracks = {p.foot: _track(p, scenario.duration_s) for p in scenario.platform}
     if "both" in tracks:
         return [Ground(GroundPose(*pose)) for pose in _farthest(tracks["both"])]
@@ -155,7 +155,7 @@ def _extremes(scenario: Scenario) -> list[Ground]:
 
 
 def _track(platform: Platform, duration_s: float) -> Mat:
-    """(n, 3) of z, roll and pitch over time [m, rad]."""
+    """Return (n, 3) z, roll and pitch over time [m, rad]; slow heaving is left out."""
     from scipy.signal import butter, sosfilt
 
     times = np.arange(0.0, duration_s + SAMPLE_S / 2.0, SAMPLE_S)
@@ -171,7 +171,7 @@ def _track(platform: Platform, duration_s: float) -> Mat:
 
 
 def _farthest(track: Mat) -> Mat:
-    """Rows of a track that are extreme along any axis or any two of them."""
+    """Return the rows of a track that are extreme along an axis or a pair of axes."""
     size = np.abs(track).max(axis=0)
     moving = np.flatnonzero(size > 0.0)
     directions = [sign * np.eye(len(size))[i] for i in moving for sign in (-1.0, 1.0)]
@@ -189,7 +189,7 @@ def _farthest(track: Mat) -> Mat:
 
 
 def _push_share(scenario: Scenario, capture: Array) -> float:
-    """Hardest push over what can be caught in its direction."""
+    """Return the largest ratio of a push to the limit in its direction."""
     hardest = 0.0
     for push in scenario.push:
         if push.force_n is None:
@@ -204,7 +204,7 @@ def _push_share(scenario: Scenario, capture: Array) -> float:
 
 
 def _scaled_push(push: Push, share: float) -> Push:
-    """A part of a push."""
+    """Return a push scaled by a factor."""
     if push.impulse_share is not None:
         return msgspec.structs.replace(push, impulse_share=share * push.impulse_share)
     assert push.force_n is not None  # one of them is given

@@ -22,10 +22,11 @@ from surefoot.robot_io.robot import Robot
 from surefoot.schemas.errors import SchemaError
 
 WINDOW_S = 12.0
+"""Time that a plot shows [s]."""
 POINTS = 480
 HEIGHT_PX = 160
 PADDING_PX = (10, 14, 0, 0)
-"""Above and beside the curves, where half a label at an axis' end needs room."""
+"""Space around the curves; half a label at the end of an axis needs it [px]."""
 RED, GREEN, BLUE, AMBER = "#d8434e", "#1a9c5f", "#1b69dc", "#e08a00"
 LIGHT_BLUE, LIGHT_AMBER = "#8db8f5", "#f3c777"
 DIRECTIONS = {
@@ -40,17 +41,18 @@ GREY = (94, 104, 116)
 SETTLED_S = 0.25
 """Time at rest after which a slider's value is sent [s]."""
 SAME = 1e-9
+"""A slider that moved less has not been moved by hand."""
 
 
 class Curve(NamedTuple):
-    """One line of a plot: its name and colour."""
+    """Name and colour of one curve."""
 
     name: str
     colour: str
 
 
 class Plot(NamedTuple):
-    """A plot: title with unit, and its lines."""
+    """A plot's title, with unit, and its curves."""
 
     title: str
     curves: tuple[Curve, ...]
@@ -76,10 +78,10 @@ PLOTS = (COM_ERROR, FORCE, TILT, TICK, DCM_ERROR)
 
 
 class RollingPlot:
-    """The last seconds of some numbers."""
+    """Plots the last seconds of some numbers."""
 
     def __init__(self, gui: Any, plot: Plot) -> None:
-        """Add the plot to a panel."""
+        """Add the plot to a panel; it is hidden until it has data."""
         from viser import uplot
 
         self._times: deque[float] = deque(maxlen=POINTS)
@@ -107,7 +109,12 @@ class RollingPlot:
         )
 
     def add(self, time_s: float, row: tuple[float, ...]) -> None:
-        """Keep a point; a time that goes back begins anew."""
+        """Add a point; a time before the last one clears the plot.
+
+        Args:
+            time_s: time of the point [s]; a point at the same time is ignored.
+            row: one number per curve, in the unit of the plot.
+        """
         if self._times and time_s <= self._times[-1]:
             if time_s == self._times[-1]:
                 return
@@ -120,7 +127,7 @@ class RollingPlot:
             self._rows.popleft()
 
     def draw(self) -> None:
-        """Send what is kept to the page."""
+        """Send all points to the page."""
         if len(self._times) < 2:
             return
         if not self._handle.visible:
@@ -135,27 +142,37 @@ Request = Callable[[Requests], object]
 
 
 class Asker:
-    """A thread that asks, so that a slow answer never holds up the picture."""
+    """Sends requests on a thread of its own, so that slow answers never block the page.
+
+    Attributes:
+        notes: results of the last requests, in words.
+    """
 
     NOTES_KEPT = 4
 
     def __init__(self) -> None:
-        """Start the thread; it ends with the process."""
+        """Start the thread, which ends with the process."""
         self.notes: list[str] = []
         self._requests: Requests | None = None
         self._queue: SimpleQueue[tuple[str, Request, bool]] = SimpleQueue()
         threading.Thread(target=self._work, name="asker", daemon=True).start()
 
     def through(self, requests: Requests | None) -> None:
-        """Ask this way from now on; None when there is no robot."""
+        """Use this connection from now on; None when there is no robot."""
         self._requests = requests
 
     def ask(self, what: str, request: Request, *, by_hand: bool = True) -> None:
-        """Queue a request, to be called on the asker's thread."""
+        """Queue a request, which the thread will call.
+
+        Args:
+            what: the request in words, for notes.
+            request: called with the connection.
+            by_hand: whether success is noted, too.
+        """
         self._queue.put((what, request, by_hand))
 
     def ask_now(self, what: str, request: Request, by_hand: bool = True) -> None:
-        """Ask at once on the calling thread, past everything queued."""
+        """Call a request at once on the calling thread, before all queued ones."""
         stamp_ns = time.monotonic_ns()
         requests = self._requests
         if requests is None:
@@ -177,13 +194,13 @@ class Asker:
             self.ask_now(*self._queue.get())
 
     def note(self, text: str, *, shown: str | None = None) -> None:
-        """Log what came of something, and show it."""
+        """Log a result and show it on the page, or ``shown`` in its place."""
         _LOG.info(text)
         self.notes = [*self.notes, shown or text][-self.NOTES_KEPT :]
 
 
 def add_controls(gui: Any, asker: Asker) -> None:
-    """Add the buttons that stop and start."""
+    """Add the buttons for e-stop, hold and resume."""
     estop = gui.add_button(
         "E-STOP", color=STOP_RED, hint="The robot keeps its posture until it is reset."
     )
@@ -209,7 +226,7 @@ def add_controls(gui: Any, asker: Asker) -> None:
 
 
 def add_push(gui: Any, asker: Asker, robot: Robot) -> None:
-    """Add the push, which only a simulated robot can be given."""
+    """Add controls to push the robot, which only a simulated robot can obey."""
     with gui.add_folder("Push (simulator only)"):
         force = gui.add_slider(
             "Force [N]", min=10, max=MAX_PUSH_N, step=10, initial_value=120
@@ -234,14 +251,14 @@ def add_push(gui: Any, asker: Asker, robot: Robot) -> None:
 
 
 class Gain(NamedTuple):
-    """A slider: the setting it moves, on all its axes.
+    """A slider for one setting, all axes of which it sets to one value.
 
     Attributes:
-        name: the setting.
-        label: short, so that it stays on one line of the panel; with unit.
-        low: end of the slider.
-        high: other end.
-        step: of the slider.
+        name: name of the setting.
+        label: text with unit, short enough for one line of the panel.
+        low: lower end of the slider.
+        high: upper end of the slider.
+        step: step of the slider.
         sign: -1 for a setting that is negative by convention.
     """
 
@@ -265,10 +282,10 @@ GAINS = (
 
 
 class GainSliders:
-    """Sliders that show the stabilizer's own values and change them."""
+    """Sliders that show the stabilizer's present gains and change them."""
 
     def __init__(self, gui: Any, asker: Asker) -> None:
-        """Add the sliders, disabled until the stabilizer's values are known."""
+        """Add the sliders, disabled until the stabilizer's gains are known."""
         self._asker = asker
         self._lock = threading.Lock()
         self._known: dict[str, float] = {}
@@ -292,7 +309,10 @@ class GainSliders:
                 handle.on_update(self._note_move(gain))
 
     def watch(self, *, has_stabilizer: bool) -> None:
-        """Have the sliders show the values of the stabilizer there is; called often."""
+        """Ask a new stabilizer for its gains, and forget those of one that is gone.
+
+        Called in every frame.
+        """
         if has_stabilizer and not self._is_asked:
             self._is_asked = True
             self._asker.ask("present gains", self.learn, by_hand=False)
@@ -300,7 +320,7 @@ class GainSliders:
             self.forget()
 
     def forget(self) -> None:
-        """Forget the values: another stabilizer may have others."""
+        """Forget the gains, since another stabilizer may have others."""
         self._is_asked = self._is_late = False
         with self._lock:
             self._known, self._moved = {}, {}
@@ -308,9 +328,12 @@ class GainSliders:
             handle.disabled = True
 
     def learn(self, requests: Requests) -> None:
-        """Ask the stabilizer for its values and show them.
+        """Ask the stabilizer for its gains and show them.
 
-        One that does not answer in time is asked again; that it is late is told once.
+        If it does not answer in time, it is asked again. The delay is reported once.
+
+        Raises:
+            RobotUnreachableError: for the first answer that is late.
         """
         try:
             reply = requests.change_settings({})
@@ -333,7 +356,7 @@ class GainSliders:
             handle.disabled = False
 
     def send(self) -> None:
-        """Send what was moved once the hand is off; called now and then."""
+        """Send changed values once the sliders rest; called in every frame."""
         with self._lock:
             if not self._moved or time.monotonic() - self._moved_at_s < SETTLED_S:
                 return
@@ -345,7 +368,7 @@ class GainSliders:
         self._asker.ask(text, lambda requests: self._change(requests, changes))
 
     def _change(self, requests: Requests, changes: dict[str, list[float]]) -> None:
-        """Change settings; what was not taken is shown as it is again."""
+        """Change settings; a refusal makes the sliders show the present values."""
         try:
             requests.change_settings(changes)
         except (RobotIoError, SchemaError):

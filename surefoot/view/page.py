@@ -1,4 +1,4 @@
-"""The live page: looks at the bus thirty times a second and shows what it sees."""
+"""The live page: reads the bus thirty times a second and shows the robot."""
 
 from __future__ import annotations
 
@@ -43,13 +43,14 @@ from surefoot.view.walk import WalkControls
 
 _LOG = logging.getLogger(__name__)
 FRAME_S = 1.0 / 30.0
+"""Period of the frames [s]."""
 WORDS_S = 0.25
 PLOTS_S = 0.2
 UNDRAWN_S = 5.0
-"""What cannot be drawn is told at most so often [s]."""
+"""Least time between warnings about messages that cannot be drawn [s]."""
 IDENTITY = "live-page"
 DIAL_S = 1.0
-"""Period of attempts to reach a robot, each reported on the page [s]."""
+"""Time of each attempt to reach a robot [s]; the page shows that it waits."""
 _NOTHING = LatestMessages()
 WALK_PHASES = {
     "shift": "weight goes onto one foot",
@@ -61,12 +62,12 @@ GREEN, AMBER, RED, GREY = "#1a9c5f", "#c77700", "#d8434e", "#7a828c"
 
 
 class Headline(NamedTuple):
-    """How the robot fares, in a headline and a sentence.
+    """The robot's condition, as a headline and a sentence.
 
     Attributes:
-        headline: a word or two.
-        colour: of its badge.
-        detail: why, or what to do.
+        headline: one or two words.
+        colour: colour of the headline's badge.
+        detail: the reason, or what to do.
     """
 
     headline: str
@@ -77,7 +78,7 @@ class Headline(NamedTuple):
 def verdict(
     sight: LatestMessages, *, robot_is_here: bool, stabilizer_is_here: bool, where: str
 ) -> Headline:
-    """Say in words what was seen."""
+    """Return the robot's condition, as the newest messages tell it."""
     status, stabilizer = sight.status, sight.stabilizer
     if not robot_is_here:
         if status is None:
@@ -107,7 +108,7 @@ def verdict(
 
 
 def status_html(words: Headline, sight: LatestMessages, *, period_s: float) -> str:
-    """Return a badge, the sentence, and who does what."""
+    """Return the panel's HTML: badge, sentence, and a table of figures."""
     status, stabilizer = sight.status, sight.stabilizer
     rows = []
     if status is not None:
@@ -141,7 +142,7 @@ def status_html(words: Headline, sight: LatestMessages, *, period_s: float) -> s
 
 
 def _walk_words(walk: WalkStatus) -> str:
-    """Say what a walk is at."""
+    """Return phase and states of the feet of a walk, in words."""
     feet = (("left", walk.foot_left), ("right", walk.foot_right))
     doing = [f"{side} foot {state}" for side, state in feet if state != "planted"]
     return ", ".join([WALK_PHASES[walk.phase], *doing])
@@ -155,11 +156,13 @@ def _feet_in_the_air(sight: LatestMessages) -> str:
 
 
 def tilt_deg(base: Mat, robot: Robot) -> tuple[float, float]:
-    """Roll and pitch of the robot [deg], however its base link's axes lie in it.
+    """Return roll and pitch of the upright robot's axes [deg].
+
+    They do not depend on how the axes of the base link lie in the robot.
 
     Args:
         base: (4, 4) world from base link.
-        robot: whose.
+        robot: defines its upright attitude.
     """
     upright = base[:3, :3] @ robot.R_upright_base.T
     roll, pitch, _ = Rotation.from_matrix(upright).as_euler("xyz", degrees=True)
@@ -167,7 +170,7 @@ def tilt_deg(base: Mat, robot: Robot) -> tuple[float, float]:
 
 
 class LivePage:
-    """Server, scene and panel. Nothing here can hold up robot or stabilizer."""
+    """Server, scene and panel; never delays robot or stabilizer."""
 
     def __init__(self, robot: Robot, *, endpoints: Endpoints, port: int) -> None:
         """Serve the page on the loopback interface."""
@@ -175,7 +178,7 @@ class LivePage:
 
         self._robot, self._endpoints = robot, endpoints
         self._where = ", ".join(endpoints.connect)
-        with contextlib.redirect_stdout(io.StringIO()):  # its own banner
+        with contextlib.redirect_stdout(io.StringIO()):  # hides viser's banner
             self._server = viser.ViserServer(
                 host="127.0.0.1", port=port, label="Surefoot", verbose=False
             )
@@ -188,11 +191,11 @@ class LivePage:
 
     @property
     def url(self) -> str:
-        """Where the page is."""
+        """Address of the page."""
         return f"http://127.0.0.1:{self._server.get_port()}"
 
     def run(self, stop: StopRequest) -> None:
-        """Show until asked to stop; waits for the robot as long as it takes."""
+        """Show until asked to stop; waits for a robot without limit."""
         try:
             while not stop.is_set:
                 self._tell(_NOTHING, None)
@@ -225,11 +228,11 @@ class LivePage:
             self._walk.watch(has_visitors=bool(self._server.get_clients()))
             self._tell(sight, observer)
             if not observer.robot_is_here:
-                return  # dialed anew: a session that was cut off mixes up keys
+                return  # dial anew: a session that was cut off mixes up keys
             now_s = time.monotonic()
-            # Behind: leave frames out, and the server as much time as a frame took.
+            # When late, skip frames and leave the server as much time as a frame took.
             due_s = max(due_s + FRAME_S, now_s + (now_s - began_s))
-            time.sleep(due_s - now_s)  # the pace of the frames
+            time.sleep(due_s - now_s)  # sets the frame rate
 
     def _draw(self, sight: LatestMessages) -> None:
         ticks = tuple(-1 if message is None else message.tick for message in sight)
@@ -244,7 +247,7 @@ class LivePage:
                 self._scene.update(state)
             self._plot(sight, state)
         except (ValueError, ArithmeticError, QhullError) as error:
-            # Numbers of the right kind may still be no attitude, or no ground.
+            # Valid messages may still hold an impossible attitude or ground.
             words = f"tick {max(ticks)} cannot be drawn: {str(error).splitlines()[0]}"
             if time.monotonic() >= self._undrawn_due_s:
                 self._undrawn_due_s = time.monotonic() + UNDRAWN_S
@@ -340,13 +343,13 @@ class LivePage:
 
 
 def free_port(port: int) -> int:
-    """Make sure that a port of the loopback interface is free.
+    """Check that a port of the loopback interface is free.
 
     Returns:
-        The port.
+        The port; a free one for 0.
 
     Raises:
-        EnvironmentFailedError: somebody else serves there.
+        EnvironmentFailedError: another program uses the port.
     """
     try:
         with socket.create_server(("127.0.0.1", port)) as server:
@@ -354,5 +357,6 @@ def free_port(port: int) -> int:
     except OSError as error:
         raise EnvironmentFailedError(
             f"cannot serve the page at 127.0.0.1:{port}: {error.strerror or error}; "
-            "stop who serves there, or choose another with --port, of run --view-port"
+            "stop the program there, or choose another port with --port (of run: "
+            "--view-port)"
         ) from error

@@ -1,4 +1,4 @@
-"""A robot's look and kinematics from its URDF, for pictures only."""
+"""A robot's shape and forward kinematics from its URDF, for pictures only."""
 
 from __future__ import annotations
 
@@ -14,14 +14,14 @@ from surefoot.schemas.arrays import Array, Mat
 
 
 class _Joint(NamedTuple):
-    """One joint of the tree.
+    """One joint of the URDF.
 
     Attributes:
-        parent: link above.
-        child: link below.
-        origin: (4, 4) parent from joint at zero.
+        parent: name of the parent link.
+        child: name of the child link.
+        origin: (4, 4) parent link from joint at zero.
         axis: (3, 3) cross-product matrix of the axis.
-        bus_index: in bus order; None for a fixed joint.
+        bus_index: index in bus order; None for a fixed joint.
         slides: whether it is prismatic.
     """
 
@@ -34,17 +34,17 @@ class _Joint(NamedTuple):
 
 
 class RobotShape:
-    """One mesh per link, and where the links are at a posture.
+    """The mesh of each link, and the poses of the links.
 
     Attributes:
-        meshes: link to its shape in link axes (a trimesh), links without one left out.
+        meshes: mesh (trimesh) by link, in link axes; links without a shape are missing.
     """
 
     def __init__(self, robot: Robot) -> None:
         """Read the URDF.
 
         Raises:
-            RobotFileError: a mesh it names is not there, or cannot be read.
+            RobotFileError: a mesh is missing or cannot be read.
         """
         import yourdfpy
 
@@ -66,10 +66,10 @@ class RobotShape:
         """Return the poses of the links.
 
         Args:
-            q: (n_a,) in bus order [rad].
+            q: (n_a,) joint positions in bus order [rad].
 
         Returns:
-            Link to (4, 4) base from link.
+            (4, 4) base from link, by link.
         """
         found: dict[str, Mat] = {self._base: np.eye(4)}
         for joint in self._joints:
@@ -81,10 +81,10 @@ class RobotShape:
 
 
 def _check_meshes(urdf_path: Path) -> None:
-    """Refuse meshes that are not where the URDF says; nothing but pictures needs them.
+    """Refuse missing meshes; only pictures need them, so runs do not check this.
 
     Raises:
-        RobotFileError: with the link, and where the file was looked for.
+        RobotFileError: names the link and the path that was tried.
     """
     for link in ElementTree.parse(urdf_path).getroot().iter("link"):
         for mesh in link.iterfind("visual/geometry/mesh"):
@@ -148,7 +148,7 @@ def _link_meshes(urdf: Any) -> dict[str, Any]:
         link = graph.transforms.parents[node]
         pose, name = graph.get(node, link)
         mesh = urdf.scene.geometry[name].copy()
-        # Primitives recompute their vertices; a plain mesh keeps what is applied.
+        # Primitives recompute their vertices; a plain mesh keeps the transform.
         plain = trimesh.Trimesh(
             mesh.vertices, mesh.faces, face_colors=_colour(mesh), process=False
         )

@@ -27,13 +27,13 @@ from surefoot.view.walk import AWAY, DCM, WalkScene
 METRES_PER_NEWTON = 1e-3
 MEASURED_BESIDE_M = 0.09
 WANTED_BESIDE_M = 0.13
-"""Distance by which forces are drawn beside the legs, which would hide them [m]."""
+"""Sideways offsets of the arrows, which the legs would hide [m]."""
 GHOST_SKIN_M = 0.006
-"""Thickness of the ghost around the robot, in which it would vanish [m]."""
+"""Distance of the ghost's surface outside the robot's, so that it is visible [m]."""
 CORNERS = 8
-"""Most corners of the support polygon of two soles."""
+"""Largest number of corners of the support polygon of two soles."""
 FLOOR_M = -0.35
-"""Far below, so that moving ground does not dip into it."""
+"""Height of the floor's grid, below all motions of the ground [m]."""
 MEASURED = (20, 105, 220)
 WANTED = (240, 150, 20)
 GHOST = (70, 160, 255)
@@ -49,7 +49,7 @@ LEGEND = (
     (ZMP, "zero moment point, measured"),
     (POLYGON, "support polygon"),
 )
-"""Colours, and what they stand for."""
+"""Colours and their meaning."""
 WALK_LEGEND = (
     (DCM, "walking: divergent component of motion"),
     (WANTED, "planned steps, desired DCM and ZMP"),
@@ -57,17 +57,17 @@ WALK_LEGEND = (
 )
 GHOST_OPACITY = 0.16
 POLYGON_LIFT_M = 0.012
-"""Clear of the ground it lies on."""
+"""Height of the polygon's lines above the ground, so that they are visible [m]."""
 
 
 class Scene:
-    """Nodes made once, moved with every state.
+    """A scene whose nodes are made once and moved for each state.
 
-    Works on a live server and on one that only records for a replay.
+    It works on a live server, and on one that only records for a replay.
     """
 
     def __init__(self, scene: Any, robot: Robot, shape: RobotShape) -> None:
-        """Add all nodes."""
+        """Add all nodes, in the robot's nominal posture."""
         self._scene, self._robot, self._shape = scene, robot, shape
         self._platforms: list[Any] = []
         self._blocks: list[GroundBlock] = []
@@ -139,7 +139,7 @@ class Scene:
         self._measured.visible = self._wanted.visible = wanted
 
     def update(self, state: SceneState) -> None:
-        """Move everything to a state."""
+        """Move all nodes to a state."""
         self._state = state
         links = self._shape.poses(state.q)
         placed = [(self._base, state.base)]
@@ -182,14 +182,14 @@ class Scene:
         if self._polygon.visible is not bool(standing):
             self._polygon.visible = bool(standing)
         if standing:
-            # Always as many edges: the browser makes a line of another length anew,
-            # and shows nothing meanwhile. Surplus corners repeat the last one.
+            # Always the same number of edges: for another number the browser makes a
+            # new line and shows nothing meanwhile. Surplus corners repeat the last one.
             hull = support_polygon(np.vstack(standing))
             missing = CORNERS - len(hull)
             hull = np.vstack((hull, np.repeat(hull[-1:], missing, axis=0)))
             edges = np.stack((hull, np.roll(hull, -1, axis=0)), axis=1)
-            # Relative to the ground: browsers move nodes at once, but new points
-            # some frames later, when the ground is somewhere else.
+            # Relative to the ground: browsers move nodes at once, but show new points
+            # some frames later, when the ground has moved on.
             ground = soles[0].copy()
             ground[:3, 3] = 0.5 * (soles[0][:3, 3] + soles[1][:3, 3])
             _place([(self._stance, ground)])
@@ -215,7 +215,7 @@ class Scene:
         return list(zip(self._platforms, poses, strict=False))
 
     def _lay_ground(self, blocks: list[GroundBlock]) -> None:
-        """Draw all blocks, once it is known which there are."""
+        """Draw the blocks of the ground when they are first known or have changed."""
         if not blocks or blocks == self._blocks:
             return
         self._blocks = blocks
@@ -239,7 +239,7 @@ class Scene:
     def _set_stage(self) -> None:
         scene = self._scene
         scene.set_up_direction("+z")
-        # The environment maps of viser come from the internet; plain lights do not.
+        # viser loads its environment maps from the internet; plain lights need none.
         scene.configure_environment_map(hdri=None)
         scene.configure_default_lights(enabled=False)
         scene.add_light_ambient("/lights/all", intensity=1.1)
@@ -266,7 +266,7 @@ class Scene:
 
 
 def _place(placed: list[tuple[Any, Mat]]) -> None:
-    """Move nodes to their poses, converted all at once: one by one takes longer."""
+    """Set the poses of nodes; one conversion for all is faster than one for each."""
     poses = np.array([T for _, T in placed])
     turns = Rotation.from_matrix(poses[:, :3, :3]).as_quat(scalar_first=True)
     for (node, T), turn in zip(placed, turns, strict=True):
@@ -278,9 +278,9 @@ def _arrows(wrenches: Array, soles: tuple[Mat, Mat], *, beside: float) -> Array:
     """Return (2, 2, 3) start and end of the force at each sole's pressure point [m].
 
     Args:
-        wrenches: (12,) at left and right sole, sole frames.
-        soles: (4, 4) world from sole.
-        beside: shift away from the midline [m].
+        wrenches: (12,) at left and right sole, in sole frames [N, N m].
+        soles: (4, 4) world from sole, left and right.
+        beside: sideways offset away from the robot's midline [m].
     """
     arrows = np.empty((2, 2, 3))
     for i, (F, sole) in enumerate(
@@ -288,7 +288,7 @@ def _arrows(wrenches: Array, soles: tuple[Mat, Mat], *, beside: float) -> Array:
     ):
         outward: Vec3 = pressure_point(F)
         outward[1] += beside if i == 0 else -beside
-        if F[F_Z] < LEAST_FORCE_N:  # a foot in the air: not even the arrow's head
+        if F[F_Z] < LEAST_FORCE_N:  # a foot in the air gets no arrow
             arrows[i] = AWAY
             continue
         start = sole[:3, :3] @ outward + sole[:3, 3]

@@ -1,4 +1,4 @@
-"""What a scene shows at one moment, whether live or from a record."""
+"""The content of a scene at one moment, live or from a record."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from surefoot.view.robot_shape import RobotShape
 
 F_Z, M_X, M_Y = 2, 3, 4
 LEAST_FORCE_N = 20.0
-"""Below it a foot's centre of pressure is noise."""
+"""Normal force below which a foot's centre of pressure is noise [N]."""
 
 
 USUAL_GROUND = GroundBlock(
@@ -26,7 +26,7 @@ USUAL_GROUND = GroundBlock(
     size=[0.8, 0.9, 0.06],
     platform=-1,
 )
-"""What is drawn of ground that nobody tells of."""
+"""Ground to draw without a simulator's truth."""
 AIRBORNE = ("swing", "relanding")
 """States of a foot in the air."""
 
@@ -36,13 +36,13 @@ class WalkSight:
     """A walk at one moment, in the odometry frame.
 
     Attributes:
-        footholds: (2, 4) x, y, z [m] and yaw [rad]: where the feet were set down, or
-            are.
-        on_ground: whether left and right foot have been set down.
-        planned: (k, 4) where feet go: the one in the air first.
+        footholds: (2, 4) x, y, z [m] and yaw [rad] of left and right foot, where each
+            was last set down.
+        on_ground: whether left and right foot are on the ground.
+        planned: (k, 4) next footholds; that of a foot in the air comes first.
         dcm: (2,) estimated divergent component of motion [m].
-        dcm_reference: (2,) where it should be [m].
-        zmp_reference: (2,) wanted zero-moment point [m].
+        dcm_reference: (2,) its reference [m].
+        zmp_reference: (2,) reference of the zero-moment point [m].
     """
 
     footholds: Mat
@@ -55,20 +55,21 @@ class WalkSight:
 
 @dataclass(frozen=True)
 class SceneState:
-    """Poses and forces of one moment, in the world.
+    """Poses and forces at one moment, in the world.
 
     Attributes:
         base: (4, 4) world from base link.
-        q: (n_a,) measured posture, bus order [rad].
-        q_command: (n_a,) commanded posture [rad].
-        platforms: (4, 4) world from platform, top centre.
-        ground: blocks of it; empty while it is not known.
-        F_meas: (12,) measured wrenches at the soles, sole frames; None if unknown.
-        F_id: (12,) desired wrenches; None if unknown.
+        q: (n_a,) measured joint positions, bus order [rad].
+        q_command: (n_a,) commanded joint positions [rad].
+        platforms: (4, 4) world from the top centre of each platform.
+        ground: blocks of the ground; empty while unknown.
+        F_meas: (12,) measured wrenches at the soles, in sole frames [N, N m]; None if
+            unknown.
+        F_id: (12,) desired wrenches, likewise; None if unknown.
         in_contact: whether left and right foot stand.
         com: (3,) centre of mass [m]; None if unknown.
-        com_reference: (3,) where it should be [m]; None if unknown.
-        walk: what there is to see of a walk; None without one.
+        com_reference: (3,) its reference [m]; None if unknown.
+        walk: the walk; None without one.
     """
 
     base: Mat
@@ -85,7 +86,7 @@ class SceneState:
 
 
 def pose(position: list[float] | Vec3, quat_xyzw: list[float] | Array) -> Mat:
-    """Return (4, 4) from position [m] and quaternion."""
+    """Return a (4, 4) pose from a position (3,) [m] and a quaternion (4,)."""
     T = np.eye(4)
     T[:3, :3] = Rotation.from_quat(np.asarray(quat_xyzw)).as_matrix()
     T[:3, 3] = position
@@ -95,13 +96,13 @@ def pose(position: list[float] | Vec3, quat_xyzw: list[float] | Array) -> Mat:
 def state_of(
     sight: LatestMessages, robot: Robot, shape: RobotShape
 ) -> SceneState | None:
-    """Turn the newest messages of the bus into a scene.
+    """Return the scene that the newest messages of the bus describe.
 
-    The base is where the simulator's truth says; without one, its attitude is the
-    IMU's and its place such that the soles stand around the origin.
+    The base's pose is the simulator's truth. Without a truth, the attitude is the
+    IMU's, and the middle of the soles lies at the origin.
 
     Returns:
-        None until the robot has said where its joints are.
+        None until the first joint positions have come.
     """
     if sight.joints is None:
         return None
@@ -145,7 +146,7 @@ def state_of(
 
 
 def walk_sight(status: WalkStatus) -> WalkSight:
-    """Return what a stabilizer tells of its walk, as a scene shows it."""
+    """Return a stabilizer's report on its walk, as a scene shows it."""
     on_ground = [foot not in AIRBORNE for foot in (status.foot_left, status.foot_right)]
     goals = (status.goal_left, status.goal_right)
     swings = [goal for goal, down in zip(goals, on_ground, strict=True) if not down]
@@ -160,15 +161,15 @@ def walk_sight(status: WalkStatus) -> WalkSight:
 
 
 def stance_in_world(place: Vec3, feet: Mat, walk: WalkSight | None) -> Vec3:
-    """Return a place that the controller tells in its stance frame, in the world.
+    """Transform a place from the controller's stance frame to the world.
 
-    The frame stands midway between the soles, and stays behind when they walk on: it is
-    the odometry frame then. Its height is the world's.
+    The stance frame lies midway between the soles. In a walk it stays where the walk
+    began: then it is the odometry frame. Its height is the world's.
 
     Args:
         place: (3,) in the stance frame [m].
-        feet: (2, 3) where left and right sole are in the world [m].
-        walk: where the feet are in the odometry frame; None without a walk.
+        feet: (2, 3) left and right sole in the world [m].
+        walk: tells the feet in the odometry frame; None without a walk.
     """
     middle = feet[:, :2].mean(axis=0)
     there = place[:2]
@@ -182,14 +183,14 @@ def stance_in_world(place: Vec3, feet: Mat, walk: WalkSight | None) -> Vec3:
 
 
 def odometry_in_world(walk: WalkSight, soles: tuple[Mat, Mat], ground: Mat) -> Mat:
-    """Return the pose of the odometry frame, as a foot that stands shows it.
+    """Return (4, 4) world from odometry frame, as a standing foot shows it.
 
-    Its plane is the ground's under that foot, which moves.
+    The frame's plane is the moving ground's under that foot.
 
     Args:
-        walk: where the feet are in that frame.
+        walk: tells the feet in the odometry frame.
         soles: (4, 4) world from sole, left and right.
-        ground: (3, 3) how the ground is turned.
+        ground: (3, 3) attitude of the ground in the world.
     """
     side = 0 if walk.on_ground[0] else 1
     x, y, z, yaw = walk.footholds[side]
@@ -202,7 +203,7 @@ def odometry_in_world(walk: WalkSight, soles: tuple[Mat, Mat], ground: Mat) -> M
 
 
 def nominal_state(robot: Robot, shape: RobotShape) -> SceneState:
-    """Return the robot in its nominal posture on level ground, before any message."""
+    """Return the nominal posture on level ground, to show before any message."""
     links = shape.poses(robot.nominal)
     soles = [links[foot.sole_frame] for foot in robot.file.foot]
     return SceneState(
@@ -237,10 +238,10 @@ def pressure_point(F: Vec6) -> Vec3:
     """Return the centre of pressure of a foot.
 
     Args:
-        F: (6,) wrench of the ground at the sole, sole frame.
+        F: (6,) wrench of the ground at the sole, in the sole frame [N, N m].
 
     Returns:
-        (3,) in the sole frame [m]; its origin when hardly anything presses.
+        (3,) in the sole frame [m]; its origin below ``LEAST_FORCE_N``.
     """
     if F[F_Z] < LEAST_FORCE_N:
         return np.zeros(3)
@@ -251,11 +252,11 @@ def zero_moment_point(wrenches: Array, soles: tuple[Mat, Mat]) -> Vec3 | None:
     """Return the zero-moment point of both feet.
 
     Args:
-        wrenches: (12,) of the ground at left and right sole, sole frames.
+        wrenches: (12,) of the ground at left and right sole, in sole frames [N, N m].
         soles: (4, 4) world from sole, left and right.
 
     Returns:
-        (3,) in the world [m]; None while nothing presses.
+        (3,) in the world [m]; None below ``LEAST_FORCE_N`` on both feet together.
     """
     total, weighted = 0.0, np.zeros(3)
     for F, sole in zip((wrenches[:6], wrenches[6:]), soles, strict=True):
@@ -266,10 +267,10 @@ def zero_moment_point(wrenches: Array, soles: tuple[Mat, Mat]) -> Vec3 | None:
 
 
 def sole_corners(foot: Foot, sole: Mat) -> Mat:
-    """Return the corners of a sole in the world, (4, 3) [m].
+    """Return the (4, 3) corners of a sole in the world [m].
 
     Args:
-        foot: its rectangle.
+        foot: half length and half width of its sole.
         sole: (4, 4) world from sole.
     """
     signs = np.array([[1, 1, 0], [1, -1, 0], [-1, -1, 0], [-1, 1, 0]])
@@ -279,13 +280,13 @@ def sole_corners(foot: Foot, sole: Mat) -> Mat:
 
 
 def support_polygon(corners: Mat) -> Mat:
-    """Return the convex hull of the standing soles, seen from above.
+    """Return the convex hull of corners of soles, seen from above.
 
     Args:
-        corners: (m, 3) of all soles that stand, m at least 3.
+        corners: (m, 3) corners of all standing soles [m], m at least 3.
 
     Returns:
-        (k, 3) the corners that bound it, in order.
+        (k, 3) corners of the hull, anticlockwise [m].
     """
     from scipy.spatial import ConvexHull
 

@@ -31,24 +31,28 @@ from surefoot.view.scene_state import (
 )
 
 AWAY = (0.0, 0.0, -50.0)
+"""Where nodes are put that are not to be seen [m]."""
 PLANNED, TAKEN, DCM = (240, 150, 20), (20, 105, 220), (0, 150, 160)
 MOST_TAKEN, MOST_PLANNED = 12, 6
 MOVED_M = 0.01
-"""A foot set down farther than this from where it was has taken a step [m]."""
+"""A foot that was set down farther than this from its last place has stepped [m]."""
 LIFT_M = 0.008
-"""Clear of the ground that soles are drawn on."""
+"""Height at which soles are drawn above the ground [m]."""
 UNDER_BOTH_M = 0.7
-"""A platform that both feet can be on is longer and wider than this [m]."""
+"""A platform longer and wider than this can carry both feet [m]."""
 FOLLOWED = 0.08
-"""Part of the way to the feet that the picture goes along in a frame [1]."""
+"""Share of the distance to the feet that the picture follows in each frame [1]."""
 DIAL_S = 5.0
-"""A planner that has found no robot for so long gives up [s]."""
+"""Time to reach the robot, after which a walk is given up [s]."""
 STOP_KEY: Literal["X"] = "X"
-"""Not the space bar, which presses whatever button was clicked last."""
+"""Not the space bar, which presses the button that was clicked last."""
 
 
 def _attitude(state: SceneState) -> Mat:
-    """(3, 3) of the ground that a walk is on: a platform under both feet, or level."""
+    """Return the (3, 3) attitude of the ground under a walk.
+
+    It is that of the platform under both feet, or level.
+    """
     for block in state.ground:
         is_wide = min(block.size[:2]) > UNDER_BOTH_M
         if is_wide and 0 <= block.platform < len(state.platforms):
@@ -57,10 +61,11 @@ def _attitude(state: SceneState) -> Mat:
 
 
 class WalkScene:
-    """Nodes of a walk; nowhere to be seen while the robot stands.
+    """Nodes that show a walk; hidden while the robot stands.
 
     Attributes:
-        middle: (2,) between the feet, smoothed: what the picture follows [m].
+        middle: (2,) smoothed middle of the feet in the world [m], which the picture
+            follows.
     """
 
     def __init__(self, scene: Any, robot: Robot) -> None:
@@ -71,7 +76,7 @@ class WalkScene:
         self.middle: Array = np.zeros(2)
         self._frame = scene.add_frame("/world/walk", show_axes=False)
         nothing = np.zeros((4, 2, 3)) + AWAY
-        # As many lines as ever: the browser makes a line of another length anew.
+        # A fixed number of lines: for another number the browser makes new ones.
         self._taken_lines, self._planned_lines = (
             scene.add_line_segments(
                 f"/world/walk/{name}",
@@ -96,10 +101,10 @@ class WalkScene:
         )
 
     def update(self, state: SceneState, soles: tuple[Mat, Mat]) -> None:
-        """Move everything to a state.
+        """Move all nodes to a state.
 
         Args:
-            state: of the scene.
+            state: state of the whole scene.
             soles: (4, 4) world from sole, left and right.
         """
         walk = state.walk
@@ -128,7 +133,7 @@ class WalkScene:
         self.middle += FOLLOWED * (middle[:2] - self.middle)
 
     def _note_steps(self, walk: WalkSight) -> None:
-        """Keep the footholds that a foot has left."""
+        """Keep each new foothold of a foot."""
         changed = False
         for side, place in enumerate(walk.footholds):
             last = self._last[side]
@@ -141,7 +146,7 @@ class WalkScene:
             self._taken_lines.points = self._outlines(list(self._taken), MOST_TAKEN)
 
     def _outlines(self, places: list[Array], count: int) -> Array:
-        """Return (4 count, 2, 3) edges of soles, those that are missing far away."""
+        """Return (4 count, 2, 3) edges of the soles [m]; missing ones lie far away."""
         edges = np.zeros((count, 4, 2, 3)) + AWAY
         for index, (x, y, z, yaw) in enumerate(places):
             sole = np.eye(4)
@@ -156,14 +161,14 @@ _LOG = logging.getLogger("surefoot")
 
 
 class Rate(NamedTuple):
-    """A velocity with its slider and keys.
+    """One component of the velocity, with its slider and keys.
 
     Attributes:
-        label: with unit.
-        limit: both ends of the slider.
-        step: of the slider and of a key.
-        more: key for more of it.
-        less: key for less.
+        label: text with unit.
+        limit: largest value of the slider, and of its negative.
+        step: step of the slider and of each key press.
+        more: key that increases it.
+        less: key that decreases it.
     """
 
     label: str
@@ -181,18 +186,18 @@ RATES = (
 
 
 class Stroller:
-    """Sends plans for a velocity while somebody wants the robot to walk.
+    """Sends footsteps for a velocity while the user wants the robot to walk.
 
-    It is a planner like ``surefoot walk``, on a thread and a session of its own.
+    It plans like ``surefoot walk``, on its own thread and bus session.
 
     Attributes:
-        stops: how often it was stopped.
+        stops: how often the walk was stopped.
     """
 
     def __init__(
         self, robot: Robot, endpoints: Endpoints, *, tell: Callable[[str], None]
     ) -> None:
-        """Prepare; nothing is dialed before somebody wants to walk."""
+        """Prepare; dials the robot only when a walk is asked for."""
         self._robot, self._endpoints, self._tell = robot, endpoints, tell
         self._planner: VelocityPlanner | None = None
         self._stop = StopRequest()
@@ -202,17 +207,17 @@ class Stroller:
 
     @property
     def is_walking(self) -> bool:
-        """Whether plans are being sent."""
+        """Whether footsteps are being sent."""
         thread = self._thread
         return thread is not None and thread.is_alive() and not self._stop.is_set
 
     def go(self, rates: tuple[float, float, float], *, since: int) -> None:
-        """Walk at a velocity, or go on at it, unless it was stopped meanwhile.
+        """Walk at a velocity, or change to it, unless stopped meanwhile.
 
         Args:
             rates: ahead and to the left [m/s], turn to the left [deg/s].
-            since: ``stops`` when somebody asked for it, which may have waited behind
-                other requests.
+            since: ``stops`` when the walk was asked for; the request may have waited
+                in the queue.
         """
         ahead, lateral, turn = rates
         pace = Pace(ahead, lateral, math.radians(turn), SINGLE_S, DOUBLE_S, HEIGHT_M)
@@ -222,7 +227,7 @@ class Stroller:
         if self.is_walking:
             return
         if self._thread is not None:
-            self._thread.join()  # brings the feet together first
+            self._thread.join()  # the last walk first brings the feet together
         with self._lock:
             if self.stops != since:
                 return
@@ -256,16 +261,16 @@ class Stroller:
 
 
 class WalkControls:
-    """Sliders of a velocity, two buttons and keys.
+    """Sliders for a velocity, two buttons and keys.
 
     Attributes:
-        stroller: sends the plans.
+        stroller: sends the footsteps.
     """
 
     def __init__(
         self, gui: Any, asker: Asker, robot: Robot, endpoints: Endpoints
     ) -> None:
-        """Add them."""
+        """Add the controls to the panel."""
         self._asker = asker
         self.stroller = Stroller(robot, endpoints, tell=asker.note)
         with gui.add_folder("Walk", expand_by_default=False):
@@ -299,7 +304,7 @@ class WalkControls:
         )
 
     def watch(self, *, has_visitors: bool) -> None:
-        """Stop a robot that nobody looks at any more; called now and then."""
+        """Stop the robot when no browser shows the page; called each frame."""
         if self.stroller.is_walking and not has_visitors:
             self._asker.note("walk: stopped, nobody looks at the page")
             self.stroller.stop()

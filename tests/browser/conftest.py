@@ -1,4 +1,4 @@
-"""A headless Chromium, where there is one."""
+"""A headless Chromium, if there is one."""
 
 from __future__ import annotations
 
@@ -21,14 +21,14 @@ FLAGS = (
     "--disable-background-timer-throttling",
 )
 SIZE = {"width": 640, "height": 480}
-"""Each pixel of a scene costs a software renderer: few will do."""
+"""A small picture: a software renderer takes long for each pixel."""
 PAGE_READY_MS = 1000.0 * PATIENCE_S
-"""Drawing without a graphics card takes seconds, and minutes on a busy machine."""
+"""Without a graphics card drawing takes seconds, and minutes on a busy machine."""
 
 
 @pytest.fixture(scope="session")
 def chromium() -> Iterator[Any]:
-    """Skipped, visibly, without the browser."""
+    """Skip the test, with a message, without the browser."""
     path = shutil.which("chromium") or shutil.which("google-chrome")
     if path is None:
         pytest.skip("no chromium; on Debian and Ubuntu: apt-get install chromium")
@@ -43,7 +43,7 @@ def chromium() -> Iterator[Any]:
 
 @pytest.fixture(scope="module")
 def page(chromium: Any) -> Iterator[Any]:
-    """A page; what it asks of other hosts is kept in ``page.strangers``."""
+    """Return a page; ``page.strangers`` lists its requests to other hosts."""
     page = chromium.new_page(viewport=SIZE)
     page.set_default_timeout(PAGE_READY_MS)
     page.strangers = []

@@ -1,4 +1,4 @@
-"""Compares pictures of a page, without a library for it."""
+"""Compares pictures of a page without a library."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ _INK = """(canvas) => {
 
 
 def pixels_changed(page: Any, first: bytes, second: bytes) -> int:
-    """How many pixels of two PNGs of the same size differ clearly."""
+    """Return how many pixels of two PNGs of one size differ clearly."""
     import base64
 
     texts = [base64.b64encode(picture).decode() for picture in (first, second)]
@@ -43,6 +43,6 @@ def pixels_changed(page: Any, first: bytes, second: bytes) -> int:
 
 
 def coloured_pixels(canvas: Any) -> int:
-    """How many pixels of a 2-D canvas carry a colour that is no grey."""
+    """Return how many pixels of a 2-D canvas have a colour other than grey."""
     count: int = canvas.evaluate(_INK)
     return count

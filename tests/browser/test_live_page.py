@@ -1,7 +1,7 @@
-"""The live page in a real browser, beside a real robot and stabilizer.
+"""The live page in a real browser, with a real robot and stabilizer.
 
-The tests share one page and one run, and follow each other as a visit does: look
-first, stop the robot last.
+The tests share one page and one run, and come in the order of a visit: look first, stop
+the robot last.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ from tests.support import PATIENCE_S, free_port, wait_until
 MOVED_PIXELS = 150
 CURVE_PIXELS = 100
 COM_STIFFNESS = 2
-"""Which slider it is: force and duration of the push come first."""
+"""Index of the slider; force and duration of the push come first."""
 SCENARIO = """
 name = "heaving ground"
 duration_s = 3600.0
@@ -43,13 +43,13 @@ foot = "both"
   amplitude_m = 0.04
   frequency_hz = 0.2
 """
-"""It heaves only, so that a push and a hold are all that tilts the robot."""
+"""It only heaves, so that the robot tilts only by a push or a hold."""
 NARROW = {"width": 320, "height": 240}
-"""Once the scene has been seen to move, its pixels are only work."""
+"""A small picture once the scene has moved: fewer pixels to draw."""
 
 
 class Visit:
-    """Robot, stabilizer and page; their logs by name."""
+    """Robot, stabilizer and page, with their logs by name."""
 
     def __init__(self, folder: Path) -> None:
         self.folder = folder
@@ -68,7 +68,7 @@ class Visit:
         self.stabilizer = self._start("stabilizer", *meet, "--json")
 
     def log(self, name: str) -> str:
-        """What a process has said that goes on: nothing is waited for in vain."""
+        """Return the log of a process, which must still run."""
         text = (self.folder / f"{name}.log").read_text()
         assert getattr(self, name).poll() is None, text
         return text

@@ -1,4 +1,4 @@
-"""A report in a real browser, from its files, without any network."""
+"""A report in a real browser, from its files, without a network."""
 
 from __future__ import annotations
 
@@ -16,13 +16,13 @@ from tests.surefoot.report.runs import shared_page
 
 MOVED_PIXELS = 60
 PANELS = 20
-"""A run with one moving axis of ground has at least so many plots."""
+"""Least number of plots of a run in which one axis of the ground moves."""
 FIRST_S, LATER_S = 0.2, 1.2
-"""The ground stands, and has heaved."""
+"""Times at which the ground is still at rest, and has heaved [s]."""
 SMALL = {"width": 400, "height": 300}
-"""A scene is drawn quicker so."""
+"""A small picture, which is drawn faster."""
 LEGS = {"x": 130, "y": 170, "width": 140, "height": 80}
-"""Where they are in the small picture, below the page's notes on drawing."""
+"""Place of the legs in the small picture, below the page's notes on drawing."""
 
 
 @pytest.fixture(scope="module")
@@ -33,7 +33,7 @@ def report(tmp_path_factory: pytest.TempPathFactory, chromium: Any) -> Path:
 
 @pytest.fixture(scope="module")
 def offline(chromium: Any) -> Iterator[Any]:
-    """A context without network; ``complaints`` holds what the pages complain of."""
+    """Return a context without network; ``complaints`` holds errors of its pages."""
     context = chromium.new_context(
         viewport={"width": 1200, "height": 800}, offline=True
     )
@@ -59,7 +59,7 @@ def offline(chromium: Any) -> Iterator[Any]:
 
 @pytest.fixture(scope="module")
 def plots(offline: Any, report: Path) -> Any:
-    """The page without its scenes, which have tests of their own."""
+    """Return the page without its scenes, which have tests of their own."""
     page = offline.new_page()
     # Two scenes drawn by a processor would take all of it while plots are looked at.
     page.route("**/scene-*.html", lambda route: route.fulfill(body="scene"))

@@ -1,4 +1,4 @@
-"""The documentation in a browser, opened as files: mathematics, search, no network."""
+"""The documentation in a browser, opened as files: formulas, search, no network."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from tests.once import made_once
 
 FONT = "STIX Two Math"
 DESKTOP = {"width": 1280, "height": 800}
-"""On a narrower screen the search hides behind a button."""
+"""Size of a window; in a narrower one the search is hidden behind a button."""
 
 
 @pytest.fixture(scope="module")

@@ -1,4 +1,4 @@
-"""Commands started side by side."""
+"""Starts commands side by side."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ Start = Callable[..., subprocess.Popen[str]]
 
 @pytest.fixture
 def start(tmp_path: Path) -> Iterator[Start]:
-    """Start commands that talk to each other; stderr goes to a file named like each."""
+    """Start commands that talk to each other; each has a file for its stderr."""
     processes: list[subprocess.Popen[str]] = []
 
     def start_one(name: str, *arguments: object) -> subprocess.Popen[str]:

@@ -1,4 +1,4 @@
-"""What the tab key offers, asked as bash asks it."""
+"""Shell completion, asked as bash asks it."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from tests.command import Surefoot, run_python
 
 
 def offered(folder: Path, line: str) -> list[str]:
-    """What is offered at the end of a line."""
+    """Return the completions at the end of a line."""
     words = line.split(" ")
     done = run_python(
         *("-m", "surefoot.cli"),

@@ -25,7 +25,7 @@ from tests.support import PATIENCE_S, free_port, wait_until
 
 ENDLESS_S = "36000"
 A_BLOCK_BYTES = 500_000
-"""More than a record's head, and less than its first block of ticks."""
+"""Bytes: more than a record's head, less than its first block of ticks."""
 LISTENING = {
     "record": ["record", "--out", "a.mcap"],
     "topics": ["topics", "--for", ENDLESS_S],
@@ -47,7 +47,7 @@ WORKING = {
 
 @contextmanager
 def started(folder: Path, *words: str) -> Iterator[subprocess.Popen[str]]:
-    """A command in a process group of its own, as a shell gives it."""
+    """Start a command in a process group of its own, as a shell does."""
     scenario_file(folder, 3600.0, name="hour")
     with subprocess.Popen(
         command(*words),
@@ -65,7 +65,7 @@ def started(folder: Path, *words: str) -> Iterator[subprocess.Popen[str]]:
 
 
 def ends_clean(process: subprocess.Popen[str]) -> tuple[str, str]:
-    """Send what Ctrl-C sends, to the whole group; returns what the command said."""
+    """Send SIGINT to the whole group; return the command's output."""
     os.killpg(process.pid, signal.SIGINT)
     stdout, stderr = process.communicate(timeout=PATIENCE_S)
     assert process.returncode == 130, stderr
@@ -150,7 +150,7 @@ def test_while_the_doctor_examines(tmp_path: Path) -> None:
 
 def test_a_killed_sweep_takes_its_workers_along(tmp_path: Path) -> None:
     def workers(parent: int) -> list[int]:
-        """Processes of the group besides the first; its id stays with them."""
+        """Return the processes of the group except the first."""
         found = []
         for entry in Path("/proc").glob("[0-9]*/stat"):
             try:

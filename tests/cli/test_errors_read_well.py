@@ -1,4 +1,4 @@
-"""What a user gets wrong, and what the machine lacks: one message, the right code."""
+"""Errors of the user and of the machine: one message and the right exit code."""
 
 from __future__ import annotations
 
@@ -41,9 +41,9 @@ foot = "left"
 
 
 def complaint(done: subprocess.CompletedProcess[str], code: int) -> str:
-    """The one message of a command that failed as it should; notes are not part of it.
+    """Return the one message of a command that must have failed, without notes.
 
-    It begins with our name, and nothing but it is said: no traceback, no result.
+    The message must begin with our name, without traceback or result beside it.
     """
     assert done.returncode == code, done.stderr
     assert done.stdout == ""
@@ -242,7 +242,7 @@ Mount = Callable[[str], Path]
 
 @pytest.fixture
 def mount(tmp_path: Path) -> Iterator[Mount]:
-    """Mount a small file system of its own; only root can."""
+    """Mount a small file system, which needs root."""
     mounted: list[Path] = []
 
     def mount_one(options: str) -> Path:
@@ -324,7 +324,7 @@ def test_a_disk_too_small_for_the_run_leaves_nothing_that_looks_whole(
 
 
 def is_whole(path: Path) -> bool:
-    """Whether a ticks file has its end."""
+    """Return whether a ticks file is complete."""
     try:
         return not TickFileTable(path).is_cut_off
     except TickFileError:

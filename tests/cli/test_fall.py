@@ -1,4 +1,4 @@
-"""A robot that falls is exit code 5, of whoever tells it."""
+"""Each command that reports a fall exits with 5."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ FELL = 5
 
 @pytest.fixture
 def huge_push(tmp_path: Path) -> Path:
-    """A push nobody withstands."""
+    """Return a push that no controller withstands."""
     path = tmp_path / "huge-push.toml"
     path.write_text(
         'name = "huge push"\nduration_s = 6.0\n[[push]]\nbody = "torso"\n'

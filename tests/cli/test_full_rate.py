@@ -1,4 +1,4 @@
-"""A minute at full rate on the record, nothing lost; read by an independent reader."""
+"""A record of a minute at full rate lacks nothing, by an independent reader."""
 
 from __future__ import annotations
 

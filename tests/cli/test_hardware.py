@@ -1,4 +1,4 @@
-"""From simulator to hardware: robot and endpoint files change, nothing else."""
+"""From simulator to hardware only robot file and endpoint file change."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ def scenario(tmp_path: Path) -> Path:
 
 
 def secured(folder: Path, *, router: bool = False) -> Callable[..., Path]:
-    """Certificates, and a function that writes an identity's endpoint file."""
+    """Make certificates; return a function that writes an identity's endpoint file."""
     make_certificates(folder / "certs", hosts=[], days=1)
     place = f"tls/127.0.0.1:{free_port()}"
 
@@ -58,7 +58,7 @@ def secured(folder: Path, *, router: bool = False) -> Callable[..., Path]:
 
 
 def run_both(start: Start, robot_argv: list, stabilizer_argv: list) -> dict:
-    """Plant result of a run of both; both must end well."""
+    """Run both sides, which must end well; return the plant's result."""
     robot = start("robot", "--json", *robot_argv)
     stabilizer = start("stabilizer", *stabilizer_argv)
     out, _ = robot.communicate(timeout=PATIENCE_S)

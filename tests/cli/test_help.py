@@ -81,7 +81,7 @@ def test_unknown_commands_and_options_are_usage_errors(surefoot: Surefoot) -> No
 
 
 def commands() -> list[tuple[str, ...]]:
-    """All of them, those below ``log`` included."""
+    """Return all commands, including those below ``log``."""
     found: list[tuple[str, ...]] = [(), ("log",)]
     for name, command in typer.main.get_command(app).commands.items():
         below = getattr(command, "commands", None)

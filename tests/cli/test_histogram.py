@@ -1,4 +1,4 @@
-"""Histograms of a loop's times, for people and for scripts."""
+"""Histograms of a loop's times, as table and as JSON."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A signal while libraries load ends with 130 and says so, whatever they make of it."""
+"""A signal while libraries load ends the command with 130 and a message."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Page and recorder die in the middle of a run; robot and stabilizer never notice."""
+"""Page and recorder are killed during a run; robot and stabilizer are not affected."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ pytest.importorskip("viser", reason="the live page needs viser: pip install -e .
 DURATION_S = 3.0
 PROCESS = re.compile(r", process (\d+)")
 WRITTEN_BYTES = 1_000_000
-"""More than attachments and schemas: the run is under way."""
+"""Bytes: more than attachments and schemas, so the run is under way."""
 
 
 def process_of(log: Path) -> int | None:

@@ -1,4 +1,4 @@
-"""Records looked into and exported, from real runs."""
+"""Information on and export of records of real runs."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ from tests.surefoot.recording.mcap_reading import messages
 
 @pytest.fixture(scope="module")
 def recorded(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A run's record; not to be changed."""
+    """Return a run's record, which tests must not change."""
     return short_run(tmp_path_factory) / "run.mcap"
 
 

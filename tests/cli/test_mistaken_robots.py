@@ -1,4 +1,4 @@
-"""Every command that meets a robot refuses one that is not meant, by name."""
+"""Every command that meets another robot than the named one refuses it by name."""
 
 from __future__ import annotations
 

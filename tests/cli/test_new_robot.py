@@ -1,4 +1,4 @@
-"""From URDF to a robot file on the command line, and its judgement."""
+"""Robot files from a URDF by the command line, and their check."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Records of real runs, read back by an independent reader."""
+"""Records of real runs, read by an independent reader."""
 
 from __future__ import annotations
 

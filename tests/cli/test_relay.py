@@ -1,4 +1,4 @@
-"""Runs with a relay between robot and stabilizer, as processes of their own."""
+"""Runs with a relay between robot and stabilizer, in separate processes."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Whole runs through the command line, both sides real."""
+"""Whole runs through the command line, with robot and stabilizer."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ BY_RECORDER = {"run.mcap"}
 
 
 def run_hold(surefoot: Surefoot, scenario: Path, *extra: object) -> dict[str, Any]:
-    """The JSON of a run with the holding controller, which must stand."""
+    """Return the JSON of a run with the holding controller, which must stand."""
     done = surefoot("run", scenario, "--controller", "hold", "--json", *extra)
     assert done.returncode == 0, done.stderr
     return json.loads(done.stdout)

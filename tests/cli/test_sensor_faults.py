@@ -1,4 +1,4 @@
-"""Sensor faults of a scenario take the same way in one process and on the bus."""
+"""Sensor faults of a scenario act alike in one process and on the bus."""
 
 from __future__ import annotations
 

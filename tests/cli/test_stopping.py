@@ -1,4 +1,4 @@
-"""However a run is ended, nothing of it stays behind."""
+"""A run leaves no process behind, however it is ended."""
 
 from __future__ import annotations
 
@@ -22,9 +22,9 @@ _PROCESS = re.compile(r"process (\d+)")
 
 @pytest.fixture
 def endless_run(tmp_path: Path) -> Iterator[tuple[subprocess.Popen[str], Path]]:
-    """A run of an hour, and the folder it keeps its logs in.
+    """Start a run of an hour; return it and the folder of its logs.
 
-    It is started as from a terminal, though the suite itself may run under nohup.
+    It is started as from a terminal, even if the tests run under nohup.
     """
     scenario = scenario_file(tmp_path, 3600.0)
     folder = tmp_path / "out"
@@ -44,7 +44,7 @@ def endless_run(tmp_path: Path) -> Iterator[tuple[subprocess.Popen[str], Path]]:
 
 
 def children(folder: Path) -> tuple[int, int]:
-    """Process ids of robot and stabilizer, once both have started."""
+    """Return the process ids of robot and stabilizer, once both have started."""
 
     def active_ids() -> tuple[int, int] | None:
         ids = []

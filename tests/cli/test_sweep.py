@@ -1,4 +1,4 @@
-"""``surefoot sweep`` as a process: real runs, ended and gone on with."""
+"""``surefoot sweep`` as a process: real runs, interrupted and resumed."""
 
 from __future__ import annotations
 

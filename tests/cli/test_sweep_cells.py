@@ -1,4 +1,4 @@
-"""What a sweep is asked, and mistakes in it."""
+"""Arguments of a sweep, and mistakes in them."""
 
 from __future__ import annotations
 
@@ -123,7 +123,7 @@ def test_lists_are_values_too_and_are_shown() -> None:
 
 
 def row_of(cell: Cell) -> Row:
-    """What a study keeps of a cell, read back from its file."""
+    """Return a study's row for a cell, read back from its file."""
     group = cell.group
     row = {
         "scenario": group.scenario,

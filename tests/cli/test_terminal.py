@@ -19,7 +19,7 @@ RUN = ["--controller", "hold", "--inline"]
 
 
 def plain(**changes: str) -> dict[str, str]:
-    """An environment that says nothing of colours, but for what is asked."""
+    """Return an environment without settings of colours, except the given ones."""
     known = {**environment(), "TERM": "xterm-256color"}
     for name in ("NO_COLOR", "FORCE_COLOR", "COLORTERM"):
         known.pop(name, None)
@@ -27,7 +27,7 @@ def plain(**changes: str) -> dict[str, str]:
 
 
 def on_a_terminal(folder: Path, env: dict[str, str], *words: str) -> bytes:
-    """All that a command shows on a terminal of its own."""
+    """Return all that a command shows on a terminal of its own."""
     here, there = pty.openpty()
     with subprocess.Popen(
         [sys.executable, "-m", "surefoot.cli", *words],

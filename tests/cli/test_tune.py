@@ -1,4 +1,4 @@
-"""``surefoot tune`` as a process: broken off, gone on with, and refused."""
+"""``surefoot tune`` as a process: interrupted, resumed and refused."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Robot and stabilizer started apart, as on two hosts."""
+"""Robot and stabilizer started separately, as on two hosts."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The live page as a process: what it must not disturb, and how it refuses."""
+"""The live page as a process: it disturbs nothing, and refuses wrong options."""
 
 from __future__ import annotations
 

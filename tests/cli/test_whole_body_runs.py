@@ -1,4 +1,4 @@
-"""Both controllers, through the command line, on the scenarios that ship."""
+"""Both controllers through the command line, on shipped scenarios."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ command_ms = {command_ms}
 
 
 def run(surefoot: Surefoot, scenario: object, *extra: object) -> dict[str, Any]:
-    """The JSON of a run that stood."""
+    """Return the JSON of a run that stood."""
     done = surefoot("run", scenario, "--json", *extra)
     assert done.returncode == 0, done.stderr
     result: dict[str, Any] = json.loads(done.stdout)

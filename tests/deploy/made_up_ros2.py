@@ -1,4 +1,4 @@
-"""As much of ROS 2 as the driver's adapter asks for, and topics that a test fills."""
+"""A stand-in for the parts of ROS 2 that the adapter uses; a test fills its topics."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ NS_PER_S = 1_000_000_000
 
 
 class Handle:
-    """What a subscription has received; a test appends to it."""
+    """Messages that a subscription has received; a test appends to them."""
 
     def __init__(self) -> None:
         self.messages: deque[Any] = deque()
@@ -29,14 +29,14 @@ class Handle:
         return self
 
     def __exit__(self, *error: object) -> None:
-        """Nothing to give back."""
+        """Release nothing."""
 
     def take_message(self, kind: type, raw: bool) -> tuple[Any] | None:
         return (self.messages.popleft(),) if self.messages else None
 
 
 class Node:
-    """Remembers the topics it subscribes to."""
+    """A node that stores the topics it subscribes to."""
 
     def __init__(self) -> None:
         self.topics: dict[str, Handle] = defaultdict(Handle)
@@ -87,7 +87,7 @@ def wrench(stamp_ns: int) -> Any:
 
 
 def say_all(node: Node, robot: Robot, stamp_ns: int) -> None:
-    """One message on each topic of the shipped file."""
+    """Publish one message on each topic of the shipped file."""
     states = joint_states(robot.joint_names, robot.nominal, stamp_ns)
     node.topics["/joint_states"].messages.append(states)
     node.topics["/imu/data"].messages.append(imu(stamp_ns))
@@ -98,7 +98,7 @@ def say_all(node: Node, robot: Robot, stamp_ns: int) -> None:
 
 @contextmanager
 def made_up_ros2() -> Iterator[Any]:
-    """Put it in the place of ROS 2; gives the driver's module."""
+    """Replace ROS 2 by the stand-in; return the driver's module."""
     anything: Any = type("Anything", (), {"__init__": lambda self, **words: None})
     policy = SimpleNamespace(BEST_EFFORT=0, RELIABLE=1)
     offered: dict[str, dict[str, Any]] = {

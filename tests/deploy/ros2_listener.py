@@ -1,4 +1,4 @@
-"""A ROS 2 node as a recorder or RViz is one: what it heard, as JSON at its end."""
+"""A ROS 2 node like a recorder or RViz; prints what it heard as JSON at its end."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ KINDS = {
 
 
 class Ear:
-    """Counts, and keeps what the test looks at."""
+    """Counts messages, and keeps those that the test checks."""
 
     def __init__(self) -> None:
         self.counts: Counter[str] = Counter()
@@ -72,7 +72,7 @@ class Ear:
 
 
 def nominal_frames(robot_name: str, node: Any) -> list[tuple[str, str, list[float]]]:
-    """Transforms of the nominal posture: parent, child, x y z."""
+    """Return the transforms of the nominal posture: parent, child, x y z [m]."""
     robot = load_robot(robot_name)
     stood = messages.JointState(
         schema=messages.SCHEMA_VERSION,

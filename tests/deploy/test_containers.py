@@ -1,4 +1,4 @@
-"""Image and compose files say what this release understands."""
+"""Image and compose files fit this release."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ def read(name: str) -> dict:
 
 
 def services(*names: str) -> dict[str, dict]:
-    """What the files make of each service, one laid over the other."""
+    """Return the services of the compose files, merged."""
     merged: dict[str, dict] = {}
     for name in names:
         for service, keys in read(name)["services"].items():

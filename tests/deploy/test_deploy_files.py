@@ -1,4 +1,4 @@
-"""Files in deploy/ say what this release understands."""
+"""The files in deploy/ fit this release."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ DEPLOY = REPOSITORY / "deploy"
 
 
 ENDPOINT_FILES = sorted({*DEPLOY.rglob("*.toml")} - {*DEPLOY.glob("driver/ros2*.toml")})
-"""All but the settings of drivers."""
+"""All files except the settings of drivers."""
 UNITS = sorted((DEPLOY / "systemd").glob("*"))
 
 
@@ -62,7 +62,7 @@ def test_access_follows_the_robot_files_keys() -> None:
 
 
 def unit_of(path: Path) -> dict[str, str]:
-    """What a unit says last of each key."""
+    """Return the last value of each key of a unit."""
     lines = path.read_text(encoding="utf-8").splitlines()
     pairs = (line.partition("=") for line in lines if not line.startswith(("#", "[")))
     return {key: value for key, mark, value in pairs if mark}

@@ -1,4 +1,4 @@
-"""A robot that speaks ROS 2, with genuine rclpy: driven, judged, and shown to ROS 2."""
+"""A ROS 2 robot with genuine rclpy: driven, checked, and shown to ROS 2."""
 
 from __future__ import annotations
 
@@ -36,18 +36,18 @@ DRIVER = REPOSITORY / "deploy" / "driver"
 SHIPPED = DRIVER / "ros2.toml"
 LISTENER = Path(__file__).with_name("ros2_listener.py")
 DOMAINS = 100
-"""ROS 2 has ports for so many domains everywhere."""
+"""Number of domains for which ROS 2 has ports on every system."""
 STILL_RAD = 2e-5
 KNEE = ("[joints]", '[joints]\nleft_knee = "LKneePitch"\n', 1)
 MOST_COM_ERROR_MM = 30.0
 MOST_DISTANCE_M = 0.01
 SPEEDS = (0.2, 0.2, 0.1)
-"""Of the robot's time: a busy machine may need another go, or a slower one."""
+"""Speeds of the attempts as a share of real time; a busy machine may need all."""
 LAST_S = 2.3
 
 
 def ros2_python() -> str | None:
-    """The Python that has rclpy: of `make ros2`, or this one in a sourced ROS 2."""
+    """Return the Python that has rclpy: of `make ros2`, or this one."""
     own = REPOSITORY / ".venv-ros2" / "bin" / "python"
     if own.is_file():
         return str(own)
@@ -60,7 +60,7 @@ needs_ros2 = pytest.mark.skipif(
 
 
 def ros2_environment(folder: Path) -> dict[str, str]:
-    """This host only, in a domain that no test beside this one uses."""
+    """Return an environment for this host only, in a domain of this test's own."""
     return {
         **environment(),
         "ROS_DOMAIN_ID": str(os.getpid() % DOMAINS + 1),
@@ -71,7 +71,7 @@ def ros2_environment(folder: Path) -> dict[str, str]:
 
 @contextmanager
 def started(words: list[Any], folder: Path, **more: Any) -> Iterator[subprocess.Popen]:
-    """A process that is asked to end, and killed if it does not."""
+    """Run a process; at the end it is asked to stop, and killed if it does not."""
     process = subprocess.Popen(
         list(map(str, words)), env=ros2_environment(folder), text=True, **more
     )
@@ -90,7 +90,7 @@ def program(name: str, *words: object) -> list[object]:
 
 
 def slow_rate(robot: Path, rate_hz: float) -> Path:
-    """The same robot with fewer ticks: what a busy machine can still do."""
+    """Return the same robot at a lower rate, which a busy machine can keep."""
     path = robot.with_name("slow.toml")
     path.write_text(f"rate_hz = {rate_hz}\n{robot.read_text()}")
     return path
@@ -99,7 +99,7 @@ def slow_rate(robot: Path, rate_hz: float) -> Path:
 def patient_settings(
     folder: Path, text: str = "", *, start_s: float = PATIENCE_S, speed: float = 1.0
 ) -> Path:
-    """The shipped ones, or others like them, of a driver that waits long."""
+    """Return driver settings, by default the shipped ones, with long time limits."""
     path = folder / "ros2.toml"
     text = text or SHIPPED.read_text()
     patient = text.replace("max_age_s = 0.05", "max_age_s = 1.0")
@@ -109,7 +109,7 @@ def patient_settings(
 
 
 def wait_until_still(robot: Path, endpoints: Endpoints) -> None:
-    """The servos have come to rest under what the driver has them hold."""
+    """Wait until the servos are at rest under the posture that the driver holds."""
     model = load_robot(str(robot))
     with Observer(model, endpoints=endpoints, channels=("joints",)) as observer:
         observer.connect(timeout_s=PATIENCE_S)
@@ -145,7 +145,7 @@ def test_the_fast_platform_through_ros2_both_ways(
 def balanced(
     scenario: Path, robot: Path, endpoint_file: Path, *, speed: float
 ) -> tuple[dict[str, Any], dict[str, Any]]:
-    """What became of the robot, and what ROS 2 heard of it."""
+    """Return the robot's result, and what ROS 2 heard."""
     folder = scenario.parent
     settings = patient_settings(folder, speed=speed)
     plant_words = [scenario, settings, "--robot", robot]
@@ -168,7 +168,7 @@ def balanced(
 
 
 def check_what_ros2_heard(heard: dict[str, Any], robot: Path) -> None:
-    """RViz and rosbag see state, frames, wrenches and what the stabilizer says."""
+    """Check that RViz and rosbag get state, frames, wrenches and status."""
     model = load_robot(str(robot))
     assert heard["names"] == model.joint_names
     assert heard["description"] == model.urdf_path.read_text()
@@ -216,7 +216,7 @@ def judge(
 
 
 def check_mistakes(text: str, endpoint_file: Path) -> None:
-    """Names and quality of service that the robot there does not have."""
+    """Check names and qualities of service that the robot does not have."""
     folder = endpoint_file.parent / "mistaken"
     folder.mkdir()
     settings = patient_settings(folder, text, start_s=5.0)
@@ -233,7 +233,7 @@ def test_a_driver_without_a_robot_says_so(tmp_path: Path, endpoint_file: Path) -
 
 
 def refused(settings: Path, endpoint_file: Path, *, code: int, expected: str) -> None:
-    """A driver that cannot begin says why, in one line."""
+    """Check that a driver that cannot start says why in one line."""
     done = subprocess.run(
         list(map(str, program("driver", endpoint_file, settings))),
         env=ros2_environment(settings.parent),

@@ -1,4 +1,4 @@
-"""What the ROS 2 driver makes of topics that say more, or less, than it needs."""
+"""The ROS 2 driver with topics that have more, or less, than it needs."""
 
 from __future__ import annotations
 

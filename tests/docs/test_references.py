@@ -1,4 +1,4 @@
-"""Nothing a user can set, send or read is without words."""
+"""Every setting, message field and option has a description."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Every command that a page shows can be typed: its names and options exist."""
+"""The commands on all pages have existing names and options."""
 
 from __future__ import annotations
 
@@ -26,11 +26,11 @@ PAGES = {
 BLOCK = re.compile(r"^ *```(\w*)\n(.*?)^ *```", re.DOTALL | re.MULTILINE)
 PROGRAM: Any = get_command(app)
 LEAST = 80
-"""Of commands, so that a page in another form does not leave the test empty."""
+"""Least number of commands, so that a changed form of a page is noticed."""
 
 
 def shown(text: str) -> Iterator[list[str]]:
-    """The words of each command in the blocks of a page, behind ``surefoot``."""
+    """Yield the words of each command on a page, after ``surefoot``."""
     for kind, block in BLOCK.findall(text):
         for line in block.replace("\\\n", " ").splitlines():
             if not line.startswith("$ ") and kind != "sh":
@@ -49,7 +49,7 @@ COMMANDS = {name: [*shown(path.read_text("utf-8"))] for name, path in PAGES.item
 
 
 def given(words: list[str]) -> dict[str, Any]:
-    """What a command's arguments and options are given.
+    """Return the values that a command's arguments and options are given.
 
     Raises:
         KeyError: there is no such command.

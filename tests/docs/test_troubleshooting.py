@@ -1,4 +1,4 @@
-"""The messages that the page explains are the ones the code says."""
+"""The code has the messages that the page explains."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ QUOTED = [
 
 
 def texts(tree: ast.AST) -> list[str]:
-    """All strings of a module; what varies in an f-string is dropped."""
+    """Return all strings of a module, without the variable parts of f-strings."""
     found = []
     for node in ast.walk(tree):
         if isinstance(node, ast.JoinedStr):
@@ -35,7 +35,7 @@ def texts(tree: ast.AST) -> list[str]:
 
 
 def said() -> str:
-    """Everything the project can say, joined."""
+    """Return all strings of the project, joined."""
     modules = [path for name in PACKAGES for path in (ROOT / name).rglob("*.py")]
     parts = [(ROOT / "Makefile").read_text(encoding="utf-8")]
     for path in modules:

@@ -1,7 +1,7 @@
-"""Every command of the tutorial is run, in its order, in an empty folder.
+"""Every command of the tutorial is run, in order, in an empty folder.
 
-``make demo`` and the environment are not made anew; what they run is. Scenarios are
-shortened to little more than one second.
+``make demo`` and the activation of the environment are left out, but the command of the
+demo is run. Scenarios are shortened to little more than one second.
 """
 
 from __future__ import annotations
@@ -21,14 +21,14 @@ from tests.command import Surefoot, run_surefoot
 ROOT = Path(__file__).parents[2]
 PAGE = (ROOT / "docs/tutorial.md").read_text(encoding="utf-8")
 ROW = re.compile(r"^│ (.+?)  ", re.MULTILINE)
-"""What a row of a table that the page shows is about."""
+"""Name of a row in a table on the page."""
 BLOCK = re.compile(r"^```(sh|toml|text)\n(.*?)^```", re.DOTALL | re.MULTILINE)
 SCENARIO_FILE = "my-seesaw.toml"
 PUSH = "force_n = [0.0, 150.0, 0.0]"
 SHIPPED = "moving-platform-slow"
 LASTS = re.compile(r"^duration_s = .*$", re.MULTILINE)
 SHORT_S = 1.2
-"""Errors are counted from one second, when the ground begins to move."""
+"""Longer than one second, since errors count from there, when the ground moves."""
 MADE_BEFORE = ("make demo", "source .venv/bin/activate")
 
 
@@ -37,14 +37,14 @@ def blocks(language: str) -> list[str]:
 
 
 def commands() -> list[list[str]]:
-    """Every command, word by word."""
+    """Return every command as a list of words."""
     lines = [line for text in blocks("sh") for line in text.splitlines()]
     return [shlex.split(line) for line in lines if line not in MADE_BEFORE]
 
 
 @pytest.fixture
 def folder(tmp_path: Path, surefoot_here: Surefoot) -> Path:
-    """Where the commands are run one after the other, with the reader's scenario."""
+    """Return the folder in which the commands run one after the other."""
     del surefoot_here  # works in the same folder, which it has made
     work = tmp_path / "work"
     (scenario,) = blocks("toml")
@@ -61,7 +61,7 @@ def run(folder: Path, words: list[str]) -> subprocess.CompletedProcess[str]:
 
 
 def known() -> set[str]:
-    """Names of the commands there are."""
+    """Return the names of all commands."""
     names = {
         c.name or getattr(c.callback, "__name__", "") for c in app.registered_commands
     }
@@ -69,7 +69,7 @@ def known() -> set[str]:
 
 
 def check_command(folder: Path, words: list[str], surefoot_here: Surefoot) -> str:
-    """Run it as the reader would; returns what it says."""
+    """Run a command as the reader would; return its output."""
     assert words[1] in known()
     if "--view" in words:
         pytest.importorskip("viser")

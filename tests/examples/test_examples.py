@@ -1,4 +1,4 @@
-"""Each example runs as a newcomer runs it, on scenarios of one or two seconds."""
+"""Each example runs as for a new user, on scenarios of one or two seconds."""
 
 from __future__ import annotations
 
@@ -16,11 +16,11 @@ ROOT = Path(__file__).parents[2]
 EXAMPLES = ROOT / "examples"
 PNG = b"\x89PNG\r\n"
 SHORTER = ("duration_s=2.0", "duration_s=1.2")
-"""Of the notebook's scenario, run seven times: errors are counted from one second."""
+"""The notebook's seven runs are shortened; errors count from one second on."""
 SWAY_S = 5.0
-"""Holding still falls after 4.2 s."""
+"""Longer than 4.2 s, when holding still falls."""
 LEAST_BYTES = 5000
-"""A plot with axes and curves is larger, an empty one is not."""
+"""Bytes of a plot with axes and curves; an empty one has fewer."""
 
 
 @pytest.fixture

@@ -1,4 +1,4 @@
-"""Commands of ``surefoot`` run in this process, so that a thousand take minutes."""
+"""Runs ``surefoot`` commands in this process, so that a thousand take minutes."""
 
 from __future__ import annotations
 
@@ -15,11 +15,11 @@ from surefoot.errors import exit_code_of
 
 
 class Outcome(NamedTuple):
-    """What a command left.
+    """The end of a command.
 
     Attributes:
         code: exit code.
-        error: what it said was wrong; empty when nothing.
+        error: error message; empty without one.
     """
 
     code: int
@@ -27,7 +27,7 @@ class Outcome(NamedTuple):
 
 
 def run_here(*arguments: object) -> Outcome:
-    """Run a command; an error nobody foresaw goes on, and fails the test."""
+    """Run a command; an unexpected error fails the test."""
     with _silent():
         try:
             code = app(list(map(str, arguments)), standalone_mode=False)
@@ -54,7 +54,7 @@ def _silent() -> Iterator[None]:
 
 
 def assert_refused_in_one_line(outcome: Outcome, name: str) -> None:
-    """Exit code 2, one line, and the file named."""
+    """Check for exit code 2 and a single line that names the file."""
     assert outcome.code == 2, outcome
     assert "\n" not in outcome.error.strip(), outcome
     assert name in outcome.error, outcome

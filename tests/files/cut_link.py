@@ -1,4 +1,4 @@
-"""A cable that a test can pull and plug in again."""
+"""A network cable that a test can unplug and plug in again."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ _BYTES = 65536
 
 
 class Cable:
-    """Passes TCP on from a port of its own to another one of this host.
+    """Forwards TCP from a port of its own to another port of this host.
 
     Attributes:
         locator: where to dial it.
@@ -41,7 +41,7 @@ class Cable:
         self.pull()
 
     def pull(self) -> None:
-        """Both sides lose each other; who dials meanwhile is turned away."""
+        """Unplug: both sides lose each other, and new connections are refused."""
         self._plugged.clear()
         for end in self._ends:
             with contextlib.suppress(OSError):
@@ -50,7 +50,7 @@ class Cable:
         self._ends.clear()
 
     def plug_in(self) -> None:
-        """Who dials gets through again."""
+        """Plug in: new connections pass again."""
         self._plugged.set()
 
     def _accept(self) -> None:

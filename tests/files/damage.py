@@ -1,4 +1,4 @@
-"""Damages files in every way that disks, links and other programs know."""
+"""Damages files as disks, links and other programs do."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ KINDS = ("cut", "zeros", "flip", "bits", "insert", "drop", "swap", "length")
 
 
 def damaged(data: bytes, seed: int) -> bytes:
-    """A damaged copy; the same one for the same seed."""
+    """Return a damaged copy, which depends on the seed only."""
     rng = random.Random(seed)
     kind = KINDS[seed % len(KINDS)]
     at = rng.randrange(len(data))
@@ -48,7 +48,7 @@ def damaged(data: bytes, seed: int) -> bytes:
 
 
 def foreign_record(path: Path, what: str) -> Path:
-    """A record that another program might have made."""
+    """Return a record as another program might write it."""
     with path.open("wb") as file:
         writer = Writer(
             file,

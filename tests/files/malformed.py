@@ -1,4 +1,4 @@
-"""Messages that nobody should send, and somebody will."""
+"""Malformed messages."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ ODD: tuple[Any, ...] = (
     *("text", "", None, True, [], [1], {}, b"bytes", msgpack.ExtType(7, b"x")),
     msgpack.Timestamp(1, 2),
 )
-"""Where a whole number, a number or a list should be."""
+"""Values to put where an integer, a number or a list should be."""
 NO_MESSAGES = (
     *(b"", b"\xc1", b"\xff" * 16, bytes(100), b"\x91" * 5000, b"\xa1\xff", b"x" * 9000),
     *(b"\xdd\xff\xff\xff\xff", b"\xdf\xff\xff\xff\xff", b"\xc6\xff\xff\xff\xff"),
@@ -26,7 +26,7 @@ NO_MESSAGES = (
 
 
 def malformed(seed: int, channel: str, *, joint_count: int) -> bytes:
-    """A message for a channel that is wrong; the same one for the same seed."""
+    """Return a malformed message of a channel, which depends on the seed only."""
     rng = random.Random(f"{seed} {channel}")
     if rng.random() < 0.2:
         return rng.choice(NO_MESSAGES)
@@ -50,7 +50,7 @@ def malformed(seed: int, channel: str, *, joint_count: int) -> bytes:
 
 
 def many(count: int, *, joint_count: int) -> list[tuple[str, bytes]]:
-    """Channels in turn, each with a malformed message."""
+    """Return malformed messages of all channels in turn."""
     return [
         (name, malformed(seed, name, joint_count=joint_count))
         for seed in range(count)

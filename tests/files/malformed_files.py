@@ -1,4 +1,4 @@
-"""Files as people leave them: half edited, wrongly copied, in other units."""
+"""Malformed user files: half edited, wrongly copied, in other units."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ ODD_WORDS = (
 
 
 def malformed_toml(text: str, seed: int) -> bytes:
-    """A changed copy; most are wrong, some are only odd."""
+    """Return a changed copy of a TOML; most are wrong, some are only unusual."""
     rng = random.Random(seed)
     lines = text.splitlines()
     for _ in range(rng.choice((1, 1, 1, 2, 4))):
@@ -81,7 +81,7 @@ def malformed_toml(text: str, seed: int) -> bytes:
 
 
 def malformed_urdf(text: str, seed: int) -> bytes:
-    """A changed copy of a URDF."""
+    """Return a changed copy of a URDF."""
     rng = random.Random(seed)
     for _ in range(rng.choice((1, 1, 1, 2, 4))):
         attributes = list(re.finditer(r'(\w+)="([^"]*)"', text))

@@ -1,4 +1,4 @@
-"""Every damaged or foreign record is read as far as it can be, or refused in a line."""
+"""A damaged or foreign record is read as far as possible, or refused in one line."""
 
 from __future__ import annotations
 
@@ -29,12 +29,12 @@ from tests.support import PATIENCE_S, free_port
 COPIES = len(KINDS)
 MANY_COPIES = 1000
 PLAYED_EVERY = 10
-"""Opening a bus takes longer than reading the file."""
+"""Only each tenth copy is played, since opening a bus takes longer than reading."""
 
 
 @pytest.fixture(scope="module")
 def run_folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Of a run, to be damaged: a copy."""
+    """Return a copy of a run's folder, to be damaged."""
     own = tmp_path_factory.mktemp("damaged") / "run"
     return Path(shutil.copytree(short_run(tmp_path_factory), own))
 
@@ -45,7 +45,7 @@ def record(run_folder: Path) -> bytes:
 
 
 def read_in_every_way(path: Path, run_folder: Path, *, is_played: bool) -> None:
-    """Each command that reads a record, and each reader of the library."""
+    """Read a record by each command and by each reader of the library."""
     codes = [run_here("log", "info", path).code]
     for kind, out in (("npz", "a.npz"), ("csv", "c")):
         words = ("--format", kind, "--out", path.parent / out)
@@ -68,7 +68,7 @@ def ticks(run_folder: Path) -> bytes:
 
 
 def read_ticks_in_every_way(folder: Path) -> None:
-    """The file of a run's signals, by everything that reads it."""
+    """Read a run's signals by all their readers."""
     codes = [run_here("log", "info", folder).code]
     codes.append(run_here("log", "info", folder / "ticks.mcap").code)
     for kind, out in (("npz", "a.npz"), ("csv", "c")):

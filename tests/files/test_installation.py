@@ -1,4 +1,4 @@
-"""Advice to install names a command that works for how this was installed."""
+"""Advice to install names a command that fits the way this was installed."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ REPOSITORY = Path(__file__).parents[2]
 
 
 class Package:
-    """What pip leaves behind of an installed package."""
+    """The metadata that pip leaves for an installed package."""
 
     requires = (
         "numpy>=2.0",
@@ -35,7 +35,7 @@ class Package:
 
 @pytest.fixture
 def installed(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> object:
-    """Away from a checkout, with what pip told."""
+    """Pretend an installation outside a checkout, with pip's metadata."""
     monkeypatch.setattr(installation, "_ROOT", tmp_path)
 
     def install(told: dict | None) -> list[str]:

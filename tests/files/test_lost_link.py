@@ -1,4 +1,4 @@
-"""Who listens says when the robot was out of reach, and does not call it success."""
+"""Listeners report when the robot was out of reach, and do not exit with success."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ AWAY_S = 0.7
 
 
 class Robot:
-    """Says an ankle's force every tick, and a status; the last one, OFF, when asked."""
+    """Publishes an ankle's force every tick and a status, at the end with mode OFF."""
 
     def __init__(self) -> None:
         self.tick = 0
@@ -57,14 +57,14 @@ class Robot:
         )
 
     def end(self) -> None:
-        """Say farewell, long enough to be heard."""
+        """Publish the last status long enough to be heard."""
         self.ends.set()
         last = self.tick + 20
         wait_until(lambda: self.tick > last, what="the last status")
 
 
 def interrupted(cable: Cable) -> None:
-    """Pull the cable for a while."""
+    """Unplug the cable for a while."""
     cable.pull()
     end = time.monotonic() + AWAY_S
     wait_until(lambda: time.monotonic() > end, what="time to pass")
@@ -132,7 +132,7 @@ def test_a_robot_that_ends_in_order_is_a_success(
 def heard_by(
     cable: Cable, robot: Robot, words: tuple[object, ...], log: Path
 ) -> subprocess.Popen[str]:
-    """A tool of the bus that dials through the cable and has heard the robot."""
+    """Start a bus tool behind the cable, and wait until it has heard the robot."""
     tool = start((*words, "--connect", cable.locator, "--wait", 60), log)
     wait_until(lambda: len(cable._ends) > 0, what="the tool to dial")
     begin = robot.tick

@@ -1,4 +1,4 @@
-"""Whatever stands in a user's file: it works, or is refused in a line with exit 2."""
+"""A malformed user file works, or is refused in one line with exit code 2."""
 
 from __future__ import annotations
 
@@ -49,7 +49,7 @@ observer = ["observer", "guest"]
 def verdicts(
     write: Callable[[int], None], read: Callable[[], object], count: int, name: str
 ) -> Counter[str]:
-    """How many were taken and refused; fails at the first that is neither."""
+    """Count files accepted and refused; fail at the first other outcome."""
     told: Counter[str] = Counter()
     for seed in range(count):
         write(seed)
@@ -74,7 +74,7 @@ def error_of(read: Callable[[], object]) -> Exception | None:
 def check_malformed_tomls(
     path: Path, texts: list[str], read: Callable[[], object], count: int
 ) -> None:
-    """Each text in turn, changed, as the file that is read."""
+    """Check each text in turn, changed, as the file that is read."""
 
     def write(seed: int) -> None:
         path.write_bytes(malformed_toml(texts[seed % len(texts)], seed))
@@ -83,7 +83,7 @@ def check_malformed_tomls(
 
 
 def stand(robot: str | Path, scenario: str | Path) -> None:
-    """Some ticks of a run, through everything that reads both files."""
+    """Run some ticks, through all code that reads both files."""
     sim = sf.Simulation(robot, scenario, seed=0)
     controller = sf.make_controller("whole-body", sim.plan.robot)
     for _ in range(STEPS):

@@ -1,4 +1,4 @@
-"""Foreign messages end nobody who listens, and are kept by who records."""
+"""Foreign messages stop no listener, and recorders keep them."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Robot and stabilizer as real processes, for tests."""
+"""Robot and stabilizer as real processes."""
 
 from __future__ import annotations
 
@@ -38,17 +38,16 @@ FORKED.set_forkserver_preload(
         "surefoot.stabilizer.zmp.controller",
     ]
 )
-"""Processes of a server that has loaded everything and opened nothing: loading is most
-of what a short process costs."""
+"""A server that has loaded everything forks the processes, which saves time."""
 SEED = 3
 
 
 class ProcessError(Exception):
-    """What a process raised: name of the error's class, and its message."""
+    """Exception of a process: name of its class, and its message."""
 
 
 class Running:
-    """A process that sends back what it returned or raised."""
+    """A process that sends back its result or exception."""
 
     def __init__(self, target: Any, *args: Any) -> None:
         self._results, sender = FORKED.Pipe(duplex=False)
@@ -57,7 +56,7 @@ class Running:
         sender.close()
 
     def result(self) -> Any:
-        """What it returned; fails when it did not in time, or ended without a word."""
+        """Return the result; fails if it is late or the process ended without one."""
         assert self._results.poll(2 * PATIENCE_S), "the process did not end"
         kind, value = self._results.recv()
         self.process.join(PATIENCE_S)
@@ -69,7 +68,7 @@ class Running:
         self.process._popen._send_signal(number)
 
     def kill(self) -> None:
-        """End it without a chance to say goodbye."""
+        """Kill the process."""
         self.process.kill()
         self.process.join(PATIENCE_S)
 
@@ -80,7 +79,7 @@ class Running:
 
 @contextmanager
 def running(target: Any, *args: Any) -> Iterator[Running]:
-    """Start a process and make sure that it is gone afterwards."""
+    """Start a process, and make sure that it is gone afterwards."""
     started = Running(target, *args)
     try:
         yield started
@@ -90,9 +89,9 @@ def running(target: Any, *args: Any) -> Iterator[Running]:
 
 
 class Silence:
-    """A commander's, which lasts until the test has seen what comes of it.
+    """A commander's silence, which lasts until the test has seen its consequences.
 
-    No clock may end it: a robot on a busy machine is slow, and so is its time.
+    No clock ends it, since the time of a robot on a busy machine is slow.
     """
 
     def __init__(self) -> None:
@@ -100,10 +99,12 @@ class Silence:
         self._is_over = False
 
     def keep(self, tick: int) -> bool:
-        """In the commander's process: leave a tick unanswered for so long.
+        """Leave a tick unanswered until the test ends the silence.
+
+        Called in the commander's process.
 
         Returns:
-            Whether it was kept: once only.
+            Whether there was a silence; only once.
         """
         if self._is_over:
             return False
@@ -114,7 +115,7 @@ class Silence:
         return True
 
     def begun(self) -> int:
-        """The tick it begins at, once it has."""
+        """Return the tick at which the silence began, once it has."""
         assert self._test.poll(PATIENCE_S), "the commander did not fall silent"
         tick: int = self._test.recv()
         return tick
@@ -126,13 +127,13 @@ class Silence:
 def robot(
     endpoints: Endpoints, table: dict[str, Any], pace: Pace, **gate: float
 ) -> PlantResult:
-    """The simulated Walker in a scenario; in real time a patient one.
+    """Run the simulated Walker in a scenario; in real time one that waits long.
 
     Args:
         endpoints: where it listens.
-        table: the scenario, but for its name.
-        pace: how it keeps time.
-        gate: values of the patient one's gate that shall be others.
+        table: the scenario without its name.
+        pace: lockstep or real time.
+        gate: values of the waiting robot's gate to change.
     """
     scenario = scenario_from_table({"name": "test", **table}, source="test")
     walker = load_robot("walker")
@@ -149,7 +150,7 @@ def robot(
 def recorded_robot(
     endpoints: Endpoints, table: dict[str, Any], record: Path
 ) -> PlantResult:
-    """The Walker in lockstep, its ticks kept in a file."""
+    """Run the Walker in lockstep and record its ticks to a file."""
     with TickFile(record, may_wait=True) as ticks:
         return run_robot(
             load_robot("walker"),
@@ -163,7 +164,7 @@ def recorded_robot(
 
 
 def stabilizer(endpoints: Endpoints, pace: Pace, identity: str = "ann") -> Any:
-    """A controller that keeps the posture."""
+    """Run a controller that keeps the posture."""
     walker = load_robot("walker")
     return run_stabilizer(
         lambda settings: HoldController(walker.n_a),
@@ -176,7 +177,7 @@ def stabilizer(endpoints: Endpoints, pace: Pace, identity: str = "ann") -> Any:
 
 
 def balancing(endpoints: Endpoints, identity: str = "ann") -> Any:
-    """The whole-body controller, in lockstep."""
+    """Run the whole-body controller in lockstep."""
     walker = load_robot("walker")
     return run_stabilizer(
         lambda settings: WholeBodyController(walker, settings),
@@ -195,7 +196,7 @@ def balance(
     path: str = "walker",
     walk: WalkPlan | None = None,
 ) -> Any:
-    """The whole-body controller, gentle, its settings open to change."""
+    """Run the whole-body controller with gentle settings that can be changed."""
     walker = load_robot(path)
     return run_stabilizer(
         lambda settings: WholeBodyController(walker, settings),
@@ -210,7 +211,7 @@ def balance(
 
 
 class Onlooker:
-    """Looks on, and waits until it has seen something."""
+    """An observer that waits until it has seen something."""
 
     def __init__(self, observer: Observer) -> None:
         self.observer = observer
@@ -218,7 +219,7 @@ class Onlooker:
     def until(
         self, condition: Callable[[LatestMessages], object], *, what: str
     ) -> LatestMessages:
-        """The first sight of status, stabilizer and joints that fulfils it."""
+        """Return the first status, stabilizer and joints that fulfil a condition."""
 
         def look() -> LatestMessages | None:
             sight = self.observer.latest_messages()
@@ -235,7 +236,7 @@ class Onlooker:
         return joints.tick
 
     def let_go_on(self, ticks: int) -> LatestMessages:
-        """Sight of the run so many ticks later."""
+        """Return what is seen of the run a number of ticks later."""
         later = self.tick() + ticks
         return self.until(
             lambda sight: sight.joints and sight.joints.tick > later,
@@ -245,7 +246,7 @@ class Onlooker:
 
 @contextmanager
 def looking(endpoints: Endpoints, path: str = "walker") -> Iterator[Observer]:
-    """Eve, who looks on as the live page does."""
+    """Observe the bus under the name eve, as the live page does."""
     robot = load_robot(path)
     with Observer(
         robot, endpoints=endpoints, channels=VIEWER_CHANNELS, identity="eve"

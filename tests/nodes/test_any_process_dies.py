@@ -1,6 +1,6 @@
 """Any process of a run is killed or stopped at any moment.
 
-Nothing unsafe comes of it, nothing half-written, and what was recorded can be read.
+Commands stay safe, no file is half-written, and the record can be read.
 """
 
 from __future__ import annotations
@@ -83,7 +83,7 @@ def test_nothing_unsafe_nothing_half_written(
 
 
 def ids_of(out: Path) -> dict[str, int]:
-    """Process ids of a run's children by name."""
+    """Return the process ids of a run's children by name."""
 
     def find() -> dict[str, int] | None:
         found = {}
@@ -116,7 +116,7 @@ def all_files_are_whole(out: Path) -> None:
 
 
 def no_step_is_unsafe(out: Path) -> None:
-    """What the servos were given never jumped faster than a joint may turn."""
+    """Check that commands never jumped faster than a joint may turn."""
     commands = sf.read_signals(out)["q_command"]
     commands = commands[np.isfinite(commands).all(axis=1)]
     robot = sf.load_robot("walker")

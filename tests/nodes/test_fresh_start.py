@@ -1,4 +1,4 @@
-"""Every start of a stabilizer has a controller of its own, over loopback TCP."""
+"""Every start of a stabilizer makes a new controller, over loopback TCP."""
 
 from __future__ import annotations
 
@@ -46,15 +46,15 @@ WALKER = load_robot("walker")
 NEW_GAIN = 35.0
 STOPPED = (EndReason.STOPPED, "SIGTERM")
 FAR_RAD = 0.3
-"""Beyond what a first command may be away from the held posture."""
+"""Farther than a first command may be from the held posture."""
 SILENT_TICK = 100
 KEEPS_LEASE = partial(robot, lease_s=PATIENCE_S)
-"""A robot whose commander may be silent for long and still is its commander."""
+"""A robot whose commander may be silent for long without losing the lease."""
 ANSWERED_TICKS = round(1.2 * HOLD_AFTER_S / WALKER.period_s)
 HELD_FROM_S, RAMP_S, HELD_TO_S = 1.0, 4.0, 5.0
 RECOVERED_S = 2.4
 NEAR_M = 0.005
-"""The same object started again leaves 36 mm here."""
+"""If one controller were started again, the CoM would be 36 mm off."""
 RAMP = {
     "axis": "roll",
     "kind": "ramp",
@@ -69,8 +69,8 @@ class Starts(NamedTuple):
     """What the controllers of a run noted.
 
     Attributes:
-        result: of the stabilizer.
-        starts: how often each controller was started, in the order they were made.
+        result: result of the stabilizer.
+        starts: starts of each controller, in the order in which they were made.
         gains: ``tsid.com_kp`` that each was made with.
     """
 
@@ -80,9 +80,9 @@ class Starts(NamedTuple):
 
 
 class Counting(HoldController):
-    """Counts its starts; one of all may fall silent, and ask for a posture far away.
+    """Counts its starts; one of all may fall silent and command a far posture.
 
-    It is not always the first: a robot on a busy machine may have held before.
+    That one need not be the first, since a robot on a busy machine may hold earlier.
     """
 
     def __init__(self, starts: list[int], silence: Silence | None) -> None:
@@ -97,7 +97,7 @@ class Counting(HoldController):
         super().start(snapshot, q_command)
 
     def retune(self, settings: ControllerSettings) -> None:
-        """So that gains may be changed."""
+        """Accept changed settings."""
 
     def step(
         self, snapshot: Snapshot, reference: Reference | None = None
@@ -132,14 +132,14 @@ def counted(endpoints: Endpoints, pace: Pace, silence: Silence | None = None) ->
 
 
 def end_once_held(silence: Silence, when: Callable[..., RobotStatus]) -> None:
-    """End a silence when the robot holds for it."""
+    """End a silence when the robot holds because of it."""
     tick = silence.begun()
     when(lambda s: s.tick > tick and s.mode is RobotMode.HOLD, what="HOLD")
     silence.end()
 
 
 def check(noted: Starts, *, starts: int) -> None:
-    """Nobody was started twice; one that was not started is the next in line."""
+    """Check that no controller started twice, and how many started."""
     assert set(noted.starts) <= {0, 1}
     assert sum(noted.starts) == starts
 

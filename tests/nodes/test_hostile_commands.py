@@ -1,4 +1,4 @@
-"""Thousands of commands that must not reach a servo, against a running robot."""
+"""Thousands of hostile commands reach no servo of a running robot."""
 
 from __future__ import annotations
 
@@ -25,16 +25,16 @@ from tests.support import PATIENCE_S, wait_until
 WALKER = load_robot("walker")
 COUNT = 2_000
 BATCH = 200
-"""Fewer than the robot's inbox keeps, so that each one is judged."""
+"""Fewer than the robot's inbox holds, so that each command is judged."""
 TABLE = {"duration_s": 600.0, "sensors": NOISE}
-"""Ended when the last command has been judged."""
+"""The run is ended when the last command has been judged."""
 
 
 def hostile_commands(heard: bytes) -> list[bytes]:
-    """Fuzzed, wild, replayed, of another commander and of another version.
+    """Return random, extreme and replayed commands, and those of other senders.
 
     Args:
-        heard: a command of the commander's that was followed.
+        heard: a command of the commander that was followed.
     """
     rng = np.random.default_rng(0)
     followed = decode_fields(heard, JointCommand)
@@ -74,7 +74,7 @@ def hostile_commands(heard: bytes) -> list[bytes]:
 
 
 def why_refused(data: bytes) -> str:
-    """Reason the robot must count a hostile command under."""
+    """Return the reason that the robot must count for a hostile command."""
     try:
         command = decode_fields(data, JointCommand)
     except SchemaVersionError:

@@ -1,4 +1,4 @@
-"""The whole-body stabilizer killed on the standing robot, again and again."""
+"""The whole-body stabilizer is killed repeatedly while the robot stands."""
 
 from __future__ import annotations
 

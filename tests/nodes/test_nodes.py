@@ -73,7 +73,7 @@ def is_running(status: RobotStatus) -> bool:
 
 
 def in_one_process(table: dict, controller: str = "hold") -> str:
-    """Hash of the same run without a bus."""
+    """Return the hash of the same run without a bus."""
     walker = load_robot("walker")
     scenario = scenario_from_table({"name": "test", **table}, source="test")
     run = simulate(walker, scenario, controller=controller, seed=SEED, record=False)
@@ -109,13 +109,13 @@ def test_lockstep_is_the_same_run_every_time_and_without_a_bus(
 
 
 def held_up_before_the_last_tick(endpoints: Endpoints) -> ControllerResult:
-    """A stabilizer that looks after the robot a tick too early, when it is off."""
+    """A stabilizer that is late at the last tick and finds the robot off."""
     walker = load_robot("walker")
     # It looks as often as a block is full, which is when the sink holds it up.
     loop.STATUS_RATE_HZ = 1.0 / (BLOCK_TICKS * walker.period_s)
 
     class Busy:
-        """A sink that takes its block only when the robot is off."""
+        """A sink that writes its block only when the robot is off."""
 
         def open(self, form: BlockFormat) -> Block:
             return Block(form.width)

@@ -1,4 +1,4 @@
-"""A stabilizer that waits for a robot that went away, over loopback TCP."""
+"""A stabilizer waits for a robot that went away, over loopback TCP."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What one may ask of robot and stabilizer while they run, over loopback TCP."""
+"""Requests to a running robot and stabilizer, over loopback TCP."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ PUSH_N = [30.0, 0.0, 0.0]
 
 
 class Run(Onlooker):
-    """A robot and its stabilizer, and someone who looks on."""
+    """A robot, its stabilizer and an observer."""
 
     def __init__(self, plant: Running, control: Running, observer: Observer) -> None:
         super().__init__(observer)
@@ -176,7 +176,7 @@ def test_a_controller_without_gains_says_so(endpoints: Endpoints) -> None:
 
 
 def hesitant(endpoints: Endpoints) -> Any:
-    """A whole-body stabilizer whose first shift takes long."""
+    """Run a whole-body stabilizer whose first shift takes long."""
     walker = load_robot("walker")
     settings = gentle_settings()
     slow = replace(settings, walk=replace(settings.walk, shift_s=60.0))

@@ -1,4 +1,4 @@
-"""Robots of another make, and what the stabilizer says of them."""
+"""The stabilizer with other robots than the Walker, and its messages on them."""
 
 from __future__ import annotations
 

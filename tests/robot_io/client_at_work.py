@@ -1,4 +1,4 @@
-"""Clients of a served robot, for tests."""
+"""Clients of a served robot."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ def new_client(
     *,
     robot: Robot = WALKER,
 ) -> RobotClient:
-    """A client in order, not connected yet."""
+    """Return a working client, not connected yet."""
     return RobotClient(
         robot,
         endpoints=endpoints,

@@ -17,7 +17,7 @@ from tests.support import PATIENCE_S
 
 @pytest.fixture(scope="module")
 def authority(tmp_path_factory: pytest.TempPathFactory) -> Authority:
-    """One per module: making its keys takes a while."""
+    """Return certificates; one set per module, since making keys takes long."""
     return Authority(tmp_path_factory.mktemp("authority") / "certs")
 
 
@@ -41,7 +41,7 @@ def make_client(endpoints: Endpoints) -> Iterator[MakeClient]:
 
 @pytest.fixture
 def commander(served: ServedRobot, make_client: MakeClient) -> RobotClient:
-    """A client that has taken command."""
+    """Return a client that has taken command."""
     client = make_client("ann")
     client.take_lease()
     client.enable()

@@ -1,4 +1,4 @@
-"""A gate in use, for tests of it."""
+"""A gate in use."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ NOT_A_POSTURE = np.full(WALKER.n_a, math.nan)
 
 
 def command(q: Array, tick: int = 0, **changes: Any) -> JointCommand:
-    """Joint command of ann that answers a tick; ``changes`` are fields of it."""
+    """Return ann's joint command for a tick; ``changes`` replace fields of it."""
     fields: dict[str, Any] = {
         "schema": SCHEMA_VERSION,
         "tick": tick,
@@ -34,7 +34,7 @@ def command(q: Array, tick: int = 0, **changes: Any) -> JointCommand:
 
 
 def active_gate(robot: Robot = WALKER) -> CommandGate:
-    """A gate that holds the nominal posture and listens to ann."""
+    """Return a gate that holds the nominal posture and follows ann."""
     gate = CommandGate(robot, robot.nominal)
     assert gate.request("take", "ann", now_s=0.0).accepted
     assert gate.request("enable", "ann", now_s=0.0).accepted
@@ -44,7 +44,7 @@ def active_gate(robot: Robot = WALKER) -> CommandGate:
 def at_tick(
     gate: CommandGate, tick: int, q: Array | None = None, **changes: Any
 ) -> CommandResult:
-    """Begin a tick and commands a posture, the present one if none is given."""
+    """Begin a tick and command a posture; the present one by default."""
     gate.begin_tick(now_s=tick * PERIOD_S)
     wanted = gate.posture if q is None else q
     return gate.accept(

@@ -1,4 +1,4 @@
-"""Where robot and clients meet: at the robot's, or at a router's."""
+"""Places where robot and clients meet: at the robot, or at a router."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from tests.support import free_port
 
 @contextmanager
 def meeting_place(*, routed: bool) -> Iterator[Endpoints]:
-    """Endpoints for everyone, on loopback; the router runs as long as the context."""
+    """Return endpoints on loopback for everyone; a router runs during the context."""
     locator = f"tcp/127.0.0.1:{free_port()}"
     endpoints = Endpoints(
         listen=[locator], connect=[locator], router=[locator] if routed else []

@@ -1,4 +1,4 @@
-"""Certificates and TLS endpoints on loopback, for tests."""
+"""Certificates and TLS endpoints on loopback."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from tests.support import free_port
 
 
 class Authority:
-    """An authority's folder, and endpoints as any of its identities."""
+    """A folder of certificates, and endpoints for each of its identities."""
 
     def __init__(self, folder: Path) -> None:
         self.folder = folder
@@ -28,7 +28,7 @@ class Authority:
         self._open = Endpoints(listen=[locator], connect=[locator])
 
     def endpoints(self, identity: str) -> Endpoints:
-        """Where everyone meets, as one of the identities."""
+        """Return the common endpoints for one of the identities."""
         tls = Tls(
             ca=str(self.folder / "ca.pem"),
             certificate=str(self.folder / f"{identity}.pem"),
@@ -37,7 +37,7 @@ class Authority:
         return msgspec.structs.replace(self._open, tls=tls)
 
     def issue(self, identity: str, *, days: float, now: datetime | None = None) -> None:
-        """Add an identity, also one that is over already."""
+        """Add an identity, whose certificate may have expired."""
         issued = issue(
             identity,
             _read(self.folder, AUTHORITY),

@@ -1,4 +1,4 @@
-"""Sensor messages as a robot sends them, told apart by their tick."""
+"""Sensor messages whose values show their tick."""
 
 from __future__ import annotations
 
@@ -13,12 +13,12 @@ LAYOUT = SnapshotLayout(JOINTS)
 
 
 def snapshot_at(tick: int) -> Snapshot:
-    """Sensors at a tick; every number differs from those of all other ticks."""
+    """Return the sensors at a tick; every number differs from those of other ticks."""
     numbers = np.random.default_rng(tick).normal(size=LAYOUT.size)
     return LAYOUT.view(tick, 1000 + tick, numbers)
 
 
 def message(name: str, tick: int) -> Message:
-    """Message of one channel at a tick."""
+    """Return the message of one channel at a tick."""
     messages = sensor_messages(snapshot_at(tick), stamp_ns=1000 + tick)
     return messages[TICK_SENSORS.index(name)]

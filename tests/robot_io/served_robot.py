@@ -24,7 +24,7 @@ POLL_S = 0.002
 
 
 class ServedRobot:
-    """What a test may ask of the robot while it runs in its own thread."""
+    """A running robot, for a test to control from another thread."""
 
     def __init__(self, server: RobotServer, gate: CommandGate) -> None:
         self.server = server
@@ -33,13 +33,13 @@ class ServedRobot:
         self.tick = 0
 
     def do(self, order: Callable[[RobotServer, CommandGate], T]) -> T:
-        """Have the robot's own thread do something; returns what came of it."""
+        """Call a function in the robot's own thread; return its result."""
         done: Future = Future()
         self._orders.append((lambda: order(self.server, self._gate), done))
         return done.result(timeout=PATIENCE_S)
 
     def loop(self, stop: StopRequest) -> None:
-        """Serve requests and orders; takes commands between orders."""
+        """Serve requests and calls; takes commands between them."""
         pause = threading.Event()
         while not stop.is_set:
             now_s = self.tick * 1e-3
@@ -55,7 +55,7 @@ class ServedRobot:
             pause.wait(POLL_S)
 
     def lease_request(self, commander: str, **changes: str) -> LeaseRequest:
-        """What takes the lease of this very robot, with some fields otherwise."""
+        """Return a request for this robot's lease, with some fields changed."""
         identity = self.server.identity
         request = LeaseRequest(
             schema=SCHEMA_VERSION,
@@ -67,7 +67,7 @@ class ServedRobot:
         return msgspec.structs.replace(request, **changes)
 
     def publish_tick(self) -> int:
-        """Send the sensors of the next tick; returns the tick."""
+        """Publish the sensors of the next tick; return the tick."""
         tick = self.tick
 
         def order(server: RobotServer, gate: CommandGate) -> None:

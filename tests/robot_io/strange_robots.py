@@ -20,7 +20,7 @@ def _other_side(name: str) -> str:
 
 
 def changed(**changes: object) -> Robot:
-    """The Walker with other entries in its robot file."""
+    """Return the Walker with changed entries in its robot file."""
     return remade(msgspec.structs.replace(WALKER.file, **changes))
 
 
@@ -29,7 +29,7 @@ def remade(file: RobotFile, urdf_path: Path = WALKER.urdf_path) -> Robot:
 
 
 def mirrored() -> Robot:
-    """Left and right exchanged: joints and feet."""
+    """Exchange left and right joints and feet."""
     by_name = {joint.name: joint for joint in WALKER.file.joint}
     left, right = WALKER.file.foot
     return changed(
@@ -45,7 +45,7 @@ MIRRORED = mirrored()
 
 
 def mirrored_feet_file(folder: Path) -> Path:
-    """A robot file that takes each foot for the other one."""
+    """Return a robot file that exchanges the feet."""
     path = folder / "mirrored.toml"
     feet = "".join(
         f'[[foot]]\nside = "{side}"\nsole_frame = "{other}_sole"\n'

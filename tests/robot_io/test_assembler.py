@@ -1,4 +1,4 @@
-"""Snapshots from separate messages, over real Zenoh on this host."""
+"""Snapshots from separate messages, over Zenoh on this host."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ DEPTH = 64
 
 
 class Wire:
-    """A robot that sends what it is told, and an assembler at the other end."""
+    """A robot that sends what a test says, and an assembler at the other end."""
 
     def __init__(self, robot: Bus, peer: Bus, *, in_order: bool) -> None:
         self._publishers = {
@@ -62,7 +62,7 @@ class Wire:
         self._publishers[name].put(data)
 
     def all_arrived(self) -> None:
-        """Wait until everything sent so far is at the other end."""
+        """Wait until everything sent so far has arrived."""
         self._fence.put(b"fence")
         assert self._fenced.wait(time.monotonic() + PATIENCE_S) == b"fence"
 

@@ -95,7 +95,7 @@ def test_renewing_keeps_the_authority_and_changes_all_else(folder: Path) -> None
 
 @contextmanager
 def files_no_longer_than(size: int) -> Iterator[None]:
-    """A disk that is full after so many bytes of each file."""
+    """Limit the size of files, as a full disk does [bytes]."""
     soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
     resource.setrlimit(resource.RLIMIT_FSIZE, (size, hard))
     try:
@@ -105,7 +105,7 @@ def files_no_longer_than(size: int) -> Iterator[None]:
 
 
 KEY_FITS = 400
-"""Of a pair on a full disk, the certificate does not [bytes]."""
+"""Bytes for which the key of a pair fits, but not the certificate."""
 
 
 def test_on_a_full_disk_each_key_keeps_its_certificate(folder: Path) -> None:

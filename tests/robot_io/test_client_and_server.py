@@ -1,4 +1,4 @@
-"""Client and server over real Zenoh on this host."""
+"""Client and server over Zenoh on this host."""
 
 from __future__ import annotations
 
@@ -93,7 +93,7 @@ def test_the_answer_to_a_tick_ends_the_wait_for_it(
 
 
 def wait_for_answer(server: RobotServer, tick: int) -> CommandResult | NoAnswer:
-    """As the robot's loop waits: requests are served when they break the wait off."""
+    """Wait as the robot's loop does; requests that interrupt the wait are served."""
     deadline = time.monotonic() + PATIENCE_S
     while time.monotonic() < deadline:
         answer = server.answer(tick, now_s=tick * 1e-3, deadline=deadline)
@@ -104,7 +104,7 @@ def wait_for_answer(server: RobotServer, tick: int) -> CommandResult | NoAnswer:
 
 
 class ThreadedClient:
-    """Answers every tick with the nominal posture until the robot is off."""
+    """A client that answers every tick by the nominal posture until the mode is OFF."""
 
     def __init__(self, make_client: MakeClient) -> None:
         self.answered = 0

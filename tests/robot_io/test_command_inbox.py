@@ -18,7 +18,7 @@ INTERRUPT = None
 
 
 class ScriptedChannel:
-    """Gives what was put into it, in order; None ends a wait."""
+    """Returns what was put into it, in order; None ends a wait."""
 
     def __init__(self, *payloads: bytes | None) -> None:
         self.payloads = deque(payloads)
@@ -31,7 +31,7 @@ class ScriptedChannel:
 
 
 class Robot:
-    """A gate and its inbox, at a tick."""
+    """A gate and its inbox at a tick."""
 
     def __init__(self, *payloads: bytes | None) -> None:
         self.channel = ScriptedChannel(*payloads)

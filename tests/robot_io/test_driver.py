@@ -1,4 +1,4 @@
-"""A driver's loop on hardware that errs, and its example as a user would run it."""
+"""The loop of a driver with faulty hardware, and the example as a user runs it."""
 
 from __future__ import annotations
 
@@ -35,9 +35,9 @@ class Hardware:
     """A robot at rest.
 
     Attributes:
-        q: what it reads.
-        cable_is_cut: the next reading fails.
-        written: all postures it was told to follow.
+        q: joint positions that it reads [rad].
+        cable_is_cut: whether the next reading fails.
+        written: all postures that it was commanded.
     """
 
     def __init__(self, q: np.ndarray) -> None:

@@ -1,4 +1,4 @@
-"""Robot files on top of another one."""
+"""Robot files that extend another one."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Peers that stand still for longer than the lease keep nobody else from the robot."""
+"""Peers that stop for longer than the lease keep nobody else from the robot."""
 
 from __future__ import annotations
 

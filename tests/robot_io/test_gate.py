@@ -1,4 +1,4 @@
-"""What a gate lets through: values, steps and order of commands."""
+"""The gate checks values, steps and order of commands."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Who may command, in which mode, and what silence leads to."""
+"""Lease and modes of the gate, and the consequences of silence."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What the robot file decides: age of commands, and what is beyond a limit."""
+"""Settings of the gate in the robot file: age of commands, and limits."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ FIRST_S = 0.5
 
 
 def walker_with(**settings: Any) -> Robot:
-    """The Walker with other gate settings."""
+    """Return the Walker with changed gate settings."""
     gate = msgspec.structs.replace(WALKER.file.gate, **settings)
     file = msgspec.structs.replace(WALKER.file, gate=gate)
     return dataclasses.replace(WALKER, file=file)

@@ -1,4 +1,4 @@
-"""The digest of a robot's description says what differs, and nothing else."""
+"""The digest of a robot's description tells in which parts two robots differ."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ DESCRIBE = (
 
 
 def parts_of(robot: Robot) -> list[str]:
-    """In which parts a robot differs from the Walker."""
+    """Return the parts in which a robot differs from the Walker."""
     return differing(describe(WALKER), describe(robot))
 
 

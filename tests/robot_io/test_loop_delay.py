@@ -1,4 +1,4 @@
-"""A loop that answers every tick, or some, but too late on average."""
+"""A loop whose answers are too late on average leads to a fault."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ LIMIT_S = GATE.max_loop_delay_s or math.inf
 
 
 def ticks_until_fault(gate: CommandGate, *, age: int, every: int = 1) -> int | None:
-    """Commands old by so many ticks, in one tick of so many; None when none came."""
+    """Return the ticks until a fault with commands this old; None without a fault."""
     for tick in range(round(SECONDS / PERIOD_S)):
         now_s = tick * PERIOD_S
         gate.begin_tick(now_s=now_s, tick=tick)

@@ -1,4 +1,4 @@
-"""Pacing, timing, stopping: what loops are made of."""
+"""Pacing, timing and stopping of loops."""
 
 from __future__ import annotations
 

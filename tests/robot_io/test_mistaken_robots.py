@@ -1,4 +1,4 @@
-"""Nobody takes a robot for another one: descriptions and instances on real Zenoh."""
+"""No robot is taken for another: descriptions and instances on Zenoh."""
 
 from __future__ import annotations
 
@@ -65,7 +65,7 @@ def as_client(robot: Robot, endpoints: Endpoints) -> RobotClient:
 
 @contextmanager
 def caller(endpoints: Endpoints, **how: Callable) -> Iterator[ServiceCaller]:
-    """Someone who asks the robot without having looked who it is."""
+    """Return a client that has not checked which robot it asks."""
     with Bus(endpoints, Role.CLIENT, namespace="walker") as bus:
         yield ServiceCaller(
             bus.session,
@@ -338,7 +338,7 @@ def test_one_request_does_not_take_two_robots(routed: Endpoints) -> None:
 
 
 def asked_in_vain(client: RobotClient) -> bool:
-    """Ask what our own robot, in command of nobody, refuses."""
+    """Return whether a request was accepted that our own robot refuses."""
     try:
         client.request_mode("enable")
     except RequestRefusedError:

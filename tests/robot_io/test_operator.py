@@ -1,4 +1,4 @@
-"""Who may ask the stabilizer for something, over real TLS on loopback."""
+"""The right to ask the stabilizer for something, over TLS on loopback."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ from tests.support import PATIENCE_S, wait_until
 
 TRIES = 10
 FEW = 2
-"""For what must not be answered; that it could be, other tests show."""
+"""Attempts at a request that must not be answered; other tests show it could be."""
 ATTEMPT_S = 0.4
 NOTHING = b"nothing"
 TICK = 42
@@ -41,7 +41,7 @@ LEASE = LeaseRequest(
 
 
 class Meeting:
-    """A stabilizer in command of a robot, and whoever wants something of it."""
+    """A stabilizer in command of a robot, and a client of any identity."""
 
     def __init__(
         self, robot: Robot, authority: Authority, ann: RobotClient, *, routed: bool
@@ -57,7 +57,7 @@ class Meeting:
     def answers(
         self, session: zenoh.Session, name: str, data: bytes, *, attempts: int = TRIES
     ) -> bytes | None:
-        """What comes back; asked again, as a declaration may be on its way."""
+        """Return the answer to a request, which is repeated until it is answered."""
         for _ in range(attempts):
             replies = session.get(
                 self.robot.keys[name], payload=data, timeout=ATTEMPT_S
@@ -70,7 +70,7 @@ class Meeting:
         return None
 
     def _serve(self, replies: zenoh.Handler) -> bytes | None:
-        """Answer as the stabilizer; then the answer, once there is one or none."""
+        """Serve as the stabilizer, and return the client's answer, if any."""
         while (asked := self._ann.next_request()) is not None:
             self.asked += 1
             asked.reply(tick=TICK, settings={})

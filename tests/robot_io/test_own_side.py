@@ -1,4 +1,4 @@
-"""What a process can know of its own addresses and certificates, it says itself."""
+"""A process reports errors of its own addresses and certificates."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Of two robots that start at once, one gives way; never do both stay."""
+"""Of two robots that start at once, at most one stays."""
 
 from __future__ import annotations
 
@@ -98,7 +98,7 @@ def test_of_robots_started_at_once_one_stays() -> None:
 
 
 def started_at_once(endpoints: Endpoints, count: int) -> int:
-    """How many of some robots are in their place."""
+    """Return how many of some robots keep their place."""
     together, over = threading.Barrier(count), threading.Barrier(count)
     in_place: list[str] = []
     wrong: list[Exception] = []

@@ -1,4 +1,4 @@
-"""Coming and going of robot and client, and what ends their waits."""
+"""Arrival and departure of robot and client, and the end of waits."""
 
 from __future__ import annotations
 

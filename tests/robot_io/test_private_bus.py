@@ -1,4 +1,4 @@
-"""The address a run takes for its own two processes."""
+"""The private address of a run's two processes."""
 
 from __future__ import annotations
 

@@ -25,7 +25,7 @@ def edit(path: Path, old: str, new: str) -> None:
 
 
 def refused(path: Path) -> str:
-    """The refusal of a robot, which names one of its two files."""
+    """Return the refusal of a robot, which must name one of its two files."""
     with pytest.raises((RobotFileError, FileFormatError)) as caught:
         load_robot(str(path))
     assert str(path.parent) in str(caught.value)

@@ -1,4 +1,4 @@
-"""A router checks what the robot behind it cannot see any more."""
+"""A router checks identities that the robot behind it cannot see."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Processor and priority of a process: each in a process of its own."""
+"""Processor and priority of a process, each set in a process of its own."""
 
 from __future__ import annotations
 

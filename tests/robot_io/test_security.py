@@ -1,4 +1,4 @@
-"""Who may do what, over real TLS on loopback."""
+"""Rights of each identity, over TLS on loopback."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ from tests.robot_io.served_robot import ServedRobot, serving
 from tests.support import PATIENCE_S, free_port, wait_until
 
 REFUSED_WITHIN_S = 1.0
-"""How long a handshake that must fail is tried."""
+"""Time for a handshake that must fail [s]."""
 ATTEMPTS = 5
 
 
@@ -39,7 +39,7 @@ ATTEMPTS = 5
     params=[pytest.param("walker", marks=pytest.mark.slow), "walker-real"],
 )
 def robot(request: pytest.FixtureRequest) -> Robot:
-    """The real one has keys of its own and some of the usual ones."""
+    """Return a robot that has keys of its own beside the usual ones."""
     return load_robot(request.param)
 
 
@@ -52,17 +52,17 @@ def served(authority: Authority, robot: Robot) -> Iterator[ServedRobot]:
 def as_one(
     authority: Authority, identity: str
 ) -> AbstractContextManager[zenoh.Session]:
-    """A session of one of the identities."""
+    """Open a session of one of the identities."""
     return open_session(authority.endpoints(identity), Role.CLIENT, namespace="walker")
 
 
 def refusals(served: ServedRobot) -> int:
-    """Commands that reached the gate and were counted."""
+    """Return how many commands reached the gate and were refused."""
     return served.do(lambda server, gate: sum(gate.refused.values()))
 
 
 def can_read(session: zenoh.Session, robot: Robot, served: ServedRobot) -> bool:
-    """Whether sensors and status arrive; the robot sends them again and again."""
+    """Return whether sensors and status arrive; the robot sends them repeatedly."""
     heard = {
         name: session.declare_subscriber(robot.keys[name], RingChannel(4))
         for name in ("joints", "imu", "left_ankle_ft", "right_ankle_ft", "status")
@@ -82,7 +82,7 @@ def can_read(session: zenoh.Session, robot: Robot, served: ServedRobot) -> bool:
 
 
 def ask(session: zenoh.Session, key: str, data: bytes) -> bool:
-    """Whether a service answers; asked again, as its declaration may be on its way."""
+    """Return whether a service answers; repeated, since its declaration may be late."""
     for _ in range(ATTEMPTS):
         if any(reply.ok for reply in session.get(key, payload=data, timeout=0.3)):
             return True

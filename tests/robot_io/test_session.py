@@ -103,7 +103,7 @@ def test_threads_may_open_sessions_at_the_same_time(
     together = threading.Barrier(count)
 
     class Slow(dict[str, str]):
-        """Environment in which each look takes so long that all look at once."""
+        """An environment in which each look takes so long that all look at once."""
 
         def __contains__(self, key: object) -> bool:
             is_there = super().__contains__(key)

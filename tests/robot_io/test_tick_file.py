@@ -1,4 +1,4 @@
-"""Ticks files: written while a run goes, read back, also from what is left of them."""
+"""Ticks files: written during a run, and read whole or cut off."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ PERIOD_S = 1e-3
 
 
 def numbers(tick: int) -> list[np.ndarray]:
-    """Values of a tick that differ from all others'; contacts are told from 700 on."""
+    """Return values of a tick that differ from all others; contacts begin at 700."""
     rng = np.random.default_rng(tick)
     contacts = [1, 0] if tick >= 700 else [-1, -1]
     parts = [[tick * PERIOD_S], rng.normal(size=3), contacts, [tick % 3]]
@@ -69,7 +69,7 @@ def kept() -> MemoryTicks:
 
 
 def record_ends(data: bytes) -> Iterator[int]:
-    """Where each record of an MCAP file ends."""
+    """Yield where each record of an MCAP file ends [bytes]."""
     at = 8
     while at + 9 <= len(data):
         (length,) = struct.unpack_from("<Q", data, at + 1)
@@ -228,7 +228,7 @@ def test_what_ends_a_run_early_does_not_cost_its_last_ticks(tmp_path: Path) -> N
 
 @pytest.fixture
 def slow_disk(monkeypatch: pytest.MonkeyPatch) -> threading.Event:
-    """Nothing is written until the event is set."""
+    """Block all writing until the event is set."""
     is_free = threading.Event()
     add = write._Mcap.add
 

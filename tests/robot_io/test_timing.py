@@ -1,4 +1,4 @@
-"""Durations, their histograms, and the way from sensors to servos."""
+"""Durations, their histograms, and the latency from sensors to servos."""
 
 from __future__ import annotations
 

@@ -20,7 +20,7 @@ JOINT_COUNT = 5
 
 @cache
 def messages_of(kind: type[msgspec.Struct]) -> st.SearchStrategy[msgspec.Struct]:
-    """Valid messages of a kind, with JOINT_COUNT joints."""
+    """Return valid messages of a kind, with JOINT_COUNT joints."""
     info = msgspec.inspect.type_info(kind)
     assert isinstance(info, msgspec.inspect.StructType)
     return _struct(info)
@@ -49,7 +49,7 @@ _FLOATS = st.floats(allow_nan=False, allow_infinity=False)
 
 
 def _between(info: msgspec.inspect.FloatType) -> st.SearchStrategy[float]:
-    """Numbers within limits that a message has."""
+    """Return numbers within the limits of a message."""
     least = info.gt if info.ge is None else info.ge
     return st.floats(
         min_value=least or 0.0, max_value=info.le, exclude_min=info.ge is None

@@ -1,4 +1,4 @@
-"""The simplest valid message of every kind, as plain values."""
+"""The simplest valid message of every kind, in built-in types."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from surefoot.schemas.messages import SCHEMA_VERSION
 def simplest_message(
     kind: type[msgspec.Struct], *, joint_count: int = 0
 ) -> dict[str, Any]:
-    """Zeros, empty texts and lists, with the right sizes and version."""
+    """Return zeros, empty texts and lists, with the right sizes and version."""
     info = msgspec.inspect.type_info(kind)
     assert isinstance(info, msgspec.inspect.StructType)
     plain = {field.name: _simplest(field.type) for field in info.fields}

@@ -29,12 +29,12 @@ command = messages.JointCommand(
 
 
 def packed(**changes: Any) -> bytes:
-    """The good command with some fields replaced, as another language writes it."""
+    """Return a valid command with some fields replaced, packed without our codec."""
     return msgpack.packb({**msgspec.to_builtins(command), **changes})
 
 
 def refusal(data: bytes, kind: type[msgspec.Struct] = messages.JointCommand) -> str:
-    """Field that the refusal names; its text begins with kind and field."""
+    """Return the field in a refusal, whose text must begin with kind and field."""
     with pytest.raises(MessageError) as caught:
         decode(data, kind, joint_count=JOINT_COUNT)
     field = caught.value.field

@@ -1,4 +1,4 @@
-"""Files users write: good ones load, bad ones are refused by file and key path."""
+"""Valid user files load; others are refused by file and key."""
 
 from __future__ import annotations
 
@@ -70,7 +70,7 @@ def scenario_file(tmp_path: Path) -> Path:
 
 
 def refused(path: Path, text: str) -> FileFormatError:
-    """The refusal of a scenario; it names file and key."""
+    """Return the refusal of a scenario, which must name file and key."""
     path.write_text(text)
     with pytest.raises(FileFormatError) as caught:
         load_scenario(path)

@@ -1,4 +1,4 @@
-"""Reasons decide, their words do not."""
+"""No code decides by the words of a reason."""
 
 from __future__ import annotations
 
@@ -23,13 +23,13 @@ ENUMS = [
 
 
 def is_words(node: ast.expr) -> bool:
-    """Whether it is named like a reason or its words: ``status.detail``."""
+    """Return whether a name is that of a reason or of its words: ``status.detail``."""
     name = getattr(node, "attr", getattr(node, "id", ""))
     return name.split("_")[-1] in WORDS
 
 
 def decisions(tree: ast.AST) -> list[int]:
-    """Lines that look into the words of a reason."""
+    """Return the lines that compare the words of a reason."""
     found = []
     for node in ast.walk(tree):
         if isinstance(node, ast.Call) and isinstance(node.func, ast.Attribute):

@@ -1,4 +1,4 @@
-"""Relay plans: good ones load, bad ones are refused by file and key path."""
+"""Valid relay plans load; others are refused by file and key."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ SHIPPED = {
 
 
 def refusal(tmp_path: Path, text: str) -> str:
-    """What is said of a plan with this fault."""
+    """Return the refusal of a plan with this fault."""
     path = tmp_path / "plan.toml"
     path.write_text(f'name = "test"\n[[fault]]\n{text}\n')
     with pytest.raises(FileFormatError) as caught:

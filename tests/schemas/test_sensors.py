@@ -1,4 +1,4 @@
-"""The sensor table: what it says fits the messages, the files and itself."""
+"""The sensor table fits the messages, the files and itself."""
 
 from __future__ import annotations
 

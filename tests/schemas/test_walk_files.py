@@ -1,4 +1,4 @@
-"""What a scenario may say of a walk, and how it is told what it may not."""
+"""The walk of a scenario, and refusals of wrong ones."""
 
 from __future__ import annotations
 

@@ -14,9 +14,9 @@ from surefoot.sim_robot.plant import Plant
 from surefoot.sim_robot.simulated_robot import SimulatedRobot
 
 MakeScenario = Callable[..., Scenario]
-"""Of keywords that are keys of a scenario."""
+"""Takes keys of a scenario as keywords."""
 MakePlant = Callable[..., Plant]
-"""Likewise; with ``seed`` and ``robot``."""
+"""Takes keys of a scenario as keywords, and ``seed`` and ``robot``."""
 
 
 @pytest.fixture(scope="session")
@@ -35,7 +35,7 @@ def make_scenario() -> MakeScenario:
 
 @pytest.fixture(scope="session")
 def make_plant(walker: Robot, make_scenario: MakeScenario) -> MakePlant:
-    """Build a plant that stands at tick 0; keywords are keys of a scenario."""
+    """Build a plant at tick 0; keywords are keys of a scenario."""
 
     def make(*, seed: int = 0, robot: Robot = walker, **table: Any) -> Plant:
         return Plant(robot, make_scenario(**table), seed=seed)
@@ -45,12 +45,12 @@ def make_plant(walker: Robot, make_scenario: MakeScenario) -> MakePlant:
 
 @pytest.fixture(scope="module")
 def standing_plant(make_plant: MakePlant) -> Plant:
-    """A plant at rest on firm ground; not to be stepped."""
+    """Return a plant at rest on firm ground, which tests must not step."""
     return make_plant()
 
 
 def figures(simulated: SimulatedRobot) -> PlantResult:
-    """What is told of a run, with two deadlines missed and three answers late."""
+    """Return the figures of a run with two missed deadlines and three late answers."""
     return simulated.result(
         real_time_factor=1.0,
         round_trip_ms=NO_TIME,

@@ -43,7 +43,7 @@ def pose(plant: Plant, name: str) -> tuple[Array, Mat]:
 
 
 def twist_in_world(plant: Plant, name: str) -> tuple[Array, Array]:
-    """(linear, angular) velocity of a body's frame, world axes."""
+    """Return the [linear; angular] velocity of a body's frame in world axes."""
     out = np.zeros(6)
     mujoco.mj_objectVelocity(
         plant.world.model,

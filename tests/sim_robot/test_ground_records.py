@@ -1,4 +1,4 @@
-"""Recorded ground from files as others write them, and as damage leaves them."""
+"""Recorded ground in files of other programs, whole and damaged."""
 
 from __future__ import annotations
 

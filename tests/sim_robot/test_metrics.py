@@ -36,12 +36,12 @@ def metrics() -> PlantMetrics:
 
 
 def take(metrics: PlantMetrics, tick: int, **changes: Any) -> None:
-    """A tick like the start, but for some changes."""
+    """Add a tick that equals the start except for some changes."""
     metrics.update(replace(START, tick=tick, **changes), tick=tick)
 
 
 def carried(way: Array) -> dict[str, Array]:
-    """The robot with its feet elsewhere."""
+    """Return the robot with its feet elsewhere."""
     names = ("com", "sole_left", "sole_right")
     return {name: getattr(START, name) + way for name in names}
 

@@ -21,7 +21,7 @@ ANKLES = ("left_ankle_pitch", "right_ankle_pitch")
 
 
 def posed(walker: Robot, offsets: dict[str, float]) -> Robot:
-    """The Walker with another nominal posture."""
+    """Return the Walker with another nominal posture."""
     joints = [
         msgspec.structs.replace(
             joint, nominal_rad=joint.nominal_rad + offsets.get(joint.name, 0.0)

@@ -17,7 +17,7 @@ CYCLE_S = 20.0 / SPEED
 STEP_S = 1e-3
 PITCH = PrtsMotion(axis="pitch", peak_to_peak_deg=8.0, speed=SPEED, cycles=2)
 ABRUPT = replace(PITCH, blend_s=0.002)
-"""As good as without blends."""
+"""Blends so short that they hardly count."""
 
 
 def _sampled(motion: PrtsMotion, cycle: int) -> tuple[np.ndarray, np.ndarray]:

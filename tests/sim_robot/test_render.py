@@ -17,7 +17,7 @@ from tests.sim_robot.conftest import MakeScenario
 
 WIDTH, HEIGHT = 160, 120
 PLAIN = 20
-"""By more of 255 a pixel differs plainly: not by a shadow's grain alone."""
+"""A pixel that differs by more, of 255, differs in more than a shadow's grain."""
 TILT = {"axis": "roll", "kind": "ramp", "amplitude_deg": 10.0, "rate_deg_s": 100.0}
 
 

@@ -1,4 +1,4 @@
-"""Rods on a free mass, whose motion is known, and on the robot."""
+"""Rods on a free mass with a known motion, and on the robot."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Every sensor of the table can fail in every way, alone."""
+"""Every sensor of the table can fail alone, in every way."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ every_sensor = pytest.mark.parametrize("entry", SENSORS, ids=lambda entry: entry
 
 
 def at_tick_1(entry: Sensor, kind: str, **more: float) -> tuple[SensorFaults, Snapshot]:
-    """A fault that begins at tick 1, and what the robot reports then."""
+    """Return what the robot reports at tick 1 with a fault that begins then."""
     fault = SensorFault(
         sensor=entry.name, kind=kind, start_s=PERIOD_S, duration_s=1.0, **more
     )

@@ -48,7 +48,7 @@ def shaken(make_plant: MakePlant, robot: Robot, **keys: object) -> list[Snapshot
 
 @pytest.fixture(scope="module")
 def prompt(make_plant: MakePlant, walker: Robot) -> list[Snapshot]:
-    """Readings of every tick, at once."""
+    """Return the snapshots of a robot that sends every sensor at once."""
     return shaken(make_plant, walker)
 
 

@@ -34,7 +34,7 @@ def readings(plant: Plant, posture: Array, *, ticks: int) -> Iterator[Snapshot]:
 
 
 def plate_weight_at_sensor(plant: Plant, foot: Foot) -> Array:
-    """(6,) wrench of gravity on what hangs below the sensor, in its frame."""
+    """Return (6,) the weight of the parts below the sensor, in its frame."""
     model, data = plant.world.model, plant.data
     sensor = data.body(foot.ft_link)
     rotation: Mat = sensor.xmat.reshape(3, 3)
@@ -44,7 +44,7 @@ def plate_weight_at_sensor(plant: Plant, foot: Foot) -> Array:
 
 
 def sole_wrench_at_sensor(plant: Plant, foot: Foot, wrench: Array) -> Array:
-    """(6,) the true contact wrench, moved from the sole to the sensor."""
+    """Return (6,) the true contact wrench, moved from the sole to the sensor."""
     sole, sensor = plant.data.body(foot.sole_frame), plant.data.body(foot.ft_link)
     rotation: Mat = sensor.xmat.reshape(3, 3)
     turn = rotation.T @ sole.xmat.reshape(3, 3)

@@ -38,13 +38,13 @@ def make(walker: Robot, make_scenario: MakeScenario) -> Make:
 
 
 def answer(snapshot: Snapshot, posture: Array) -> Array:
-    """A command that differs from tick to tick and depends on the sensors."""
+    """Return a command that depends on tick and sensors."""
     wave = 1e-3 * np.sin(0.05 * snapshot.tick + np.arange(posture.size))
     return posture + wave + 1e-5 * snapshot.angular_velocity[0]
 
 
 def run(simulated: SimulatedRobot, *, ticks: int) -> list[Array]:
-    """Lockstep in one process; returns the answers by tick."""
+    """Run in lockstep in one process; return the answers by tick."""
     answers = []
     for tick in range(ticks):
         answers.append(answer(simulated.sense(), simulated.held_posture))

@@ -32,7 +32,7 @@ def _stands(robot: Robot, *tiles: dict[str, Any], **more: Any) -> Plant:
 
 
 def _area_without(tiles: list[dict[str, Any]], *, samples: int = 4000) -> float:
-    """Share of random places on the floor that no tile is under."""
+    """Return the share of random places on the floor without a tile."""
     random = np.random.default_rng(5)
     places = random.uniform([-0.5, -1.0], [2.0, 1.0], (samples, 2))
     free = 0

@@ -127,7 +127,7 @@ def test_gravity_of_the_place(make_plant: MakePlant) -> None:
 
 
 def elbow_steps(plant: Plant, robot: Robot, target: float) -> float:
-    """Where an elbow ends that was sent to a target slowly [rad]."""
+    """Return where an elbow ends that was commanded slowly to a target [rad]."""
     joint = robot.joint_names.index("left_elbow")
     command = robot.nominal.copy()
     for step in range(600):

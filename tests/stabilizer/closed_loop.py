@@ -1,4 +1,4 @@
-"""Real controller and real simulated robot in one process, tick by tick."""
+"""The controller and the simulated robot in one process, tick by tick."""
 
 from __future__ import annotations
 
@@ -28,32 +28,32 @@ DELAY = {"command_ms": 1.0}
 def swing(
     axis: str, size: float, frequency_hz: float, *, start_s: float = 0.0
 ) -> dict[str, Any]:
-    """A sine of the ground [deg], or [m] along z."""
+    """Return a sine motion of the ground [deg], or [m] along z."""
     amplitude = "amplitude_m" if axis == "z" else "amplitude_deg"
     motion = {"axis": axis, "kind": "sine", "frequency_hz": frequency_hz}
     return {**motion, amplitude: size, "start_s": start_s}
 
 
 ROLLING = [{"foot": "both", "motion": [swing("roll", 3.0, 2.0)]}]
-"""Ground under both feet that moves at once."""
+"""A platform under both feet that moves from the start."""
 
 
 @dataclass(frozen=True)
 class Run:
-    """One row per tick.
+    """A run in closed loop, with one row per tick.
 
     Attributes:
-        time_s: (n,).
-        snapshots: what the controller read.
-        commands: (n, n_a) what it answered, bus order.
-        com_true: (n, 3) world.
-        soles_true: (n, 2, 3) world, left and right.
-        F_true: (n, 12) contact wrenches, sole frames.
-        F_meas: (n, 12) as the controller has them.
-        com: (n, 3) estimate in the stance frame.
-        com_reference: (n, 3) where the controller says it should be.
-        statuses: of the QPs, each one once.
-        fell: whether the robot did.
+        time_s: (n,) simulated time [s].
+        snapshots: the controller's inputs.
+        commands: (n, n_a) its commands, bus order [rad].
+        com_true: (n, 3) true CoM in the world [m].
+        soles_true: (n, 2, 3) left and right sole in the world [m].
+        F_true: (n, 12) true contact wrenches, sole frames [N, N m].
+        F_meas: (n, 12) the controller's measured wrenches, sole frames [N, N m].
+        com: (n, 3) estimated CoM in the stance frame [m].
+        com_reference: (n, 3) its reference in the stance frame [m].
+        statuses: the different statuses of the QPs.
+        fell: whether the robot fell.
     """
 
     time_s: Array
@@ -76,9 +76,9 @@ def run_closed_loop(
     controller: Controller | None = None,
     **scenario: Any,
 ) -> Run:
-    """Run a scenario; other keywords are its keys, noise and delay as shipped.
+    """Run a scenario; other keywords are its keys; noise and delay as shipped.
 
-    The controller is the whole-body one with its defaults unless another is given.
+    The default is the whole-body controller with its default settings.
     """
     table = {"name": "test", "sensors": NOISE, "delay": DELAY, **scenario}
     sim = Simulation(robot, scenario_from_table(table, source="test"), seed=seed)

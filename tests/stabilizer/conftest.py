@@ -19,29 +19,29 @@ def walker() -> Robot:
 
 @pytest.fixture(scope="session")
 def model(walker: Robot) -> RobotModel:
-    """Not to be written."""
+    """Return the Walker's model, which tests must not change."""
     return RobotModel(walker)
 
 
 @pytest.fixture
 def rig(model: RobotModel) -> Rig:
-    """With default settings."""
+    """Return a rig with default settings."""
     return Rig(model)
 
 
 @pytest.fixture
 def snapshot(model: RobotModel) -> Snapshot:
-    """At rest in the nominal stance."""
+    """Return the sensors of the Walker at rest in the nominal stance."""
     return standing_snapshot(model)
 
 
 @pytest.fixture(scope="session")
 def turned(tmp_path_factory: pytest.TempPathFactory) -> Awkward:
-    """Sensors turned, joints in another order: readings follow from the Walker's."""
+    """Return a Walker with turned sensors and joints in another order."""
     return make_awkward(tmp_path_factory.mktemp("turned"), TURNED)
 
 
 @pytest.fixture(scope="session")
 def awkward(tmp_path_factory: pytest.TempPathFactory) -> Awkward:
-    """The inertial unit off-centre, too, and the base's origin elsewhere."""
+    """Return the same with the IMU off-centre and another base frame."""
     return make_awkward(tmp_path_factory.mktemp("awkward"), AWKWARD)

@@ -1,4 +1,4 @@
-"""Runs the estimator along a motion and keeps truth and estimate side by side."""
+"""Runs the estimator along a motion, and records truth and estimate."""
 
 from __future__ import annotations
 
@@ -16,16 +16,16 @@ from tests.stabilizer.kinematic_robot import UNBIASED, Biases, KinematicRobot, M
 
 @dataclass(frozen=True)
 class EstimatorRun:
-    """One row per tick.
+    """A run of the estimator, with one row per tick.
 
     Attributes:
-        time_s: (n,).
-        q_true: (n, 7 + n_a).
-        q: (n, 7 + n_a) estimate.
-        v_true: (n, n_v).
-        v: (n, n_v) estimate.
+        time_s: (n,) time [s].
+        q_true: (n, 7 + n_a) true configuration.
+        q: (n, 7 + n_a) estimated configuration.
+        v_true: (n, n_v) true velocity.
+        v: (n, n_v) estimated velocity.
         tilt_error: (n,) angle between true and estimated vertical [rad].
-        ground_height: (n,) estimate [m].
+        ground_height: (n,) estimated height of the ground [m].
     """
 
     time_s: Array
@@ -45,7 +45,7 @@ def track(
     period_s: float,
     settings: EstimatorSettings | None = None,
 ) -> EstimatorRun:
-    """Calibrate at time 0, then follow the motion by joints and inertial unit alone."""
+    """Calibrate at time 0, then follow the motion by joints and IMU alone."""
     robot = KinematicRobot(model, motion)
     estimator = Estimator(model, settings or EstimatorSettings(), period_s=period_s)
     estimator.calibrate(robot.snapshot(0.0), wrenches=None)
@@ -77,7 +77,7 @@ def resting(
     calibrated_with: Biases = UNBIASED,
     biases: Biases = UNBIASED,
 ) -> Estimator:
-    """The estimator after it has watched a robot at rest; biases may have changed."""
+    """Return the estimator after some time at rest; biases may change meanwhile."""
     robot = KinematicRobot(model, lambda _: q)
     estimator = Estimator(model, settings, period_s=period_s)
     estimator.calibrate(robot.snapshot(0.0, calibrated_with), wrenches=None)
@@ -88,6 +88,6 @@ def resting(
 
 
 def tilt_between(q_a: Array, q_b: Array) -> float:
-    """Angle between the verticals of two base attitudes [rad]."""
+    """Return the angle between the verticals of two base attitudes [rad]."""
     up_a, up_b = (pin.Quaternion(q[3:7]).toRotationMatrix()[2] for q in (q_a, q_b))
     return float(np.arcsin(min(1.0, float(np.linalg.norm(np.cross(up_a, up_b))))))

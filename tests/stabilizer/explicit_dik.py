@@ -1,6 +1,6 @@
 """The second QP as the paper writes it, with Delta among the unknowns.
 
-Written from the paper and the settings' words, apart from the controller's code.
+Written from the paper and the descriptions of the settings, not from our code.
 """
 
 from __future__ import annotations
@@ -17,9 +17,9 @@ MAX_ITERATIONS = 200
 
 
 def solve_explicit(rig: Rig, r: Array, *, q_command: Array) -> Array:
-    """Solve it at the rig's present state; (n_v,) velocity.
+    """Solve the QP at the rig's present state; return (n_v,) the velocity.
 
-    Unknowns (v, Delta), with J_c v = r + Delta as an equality.
+    The unknowns are v and Delta, with J_c v = r + Delta as an equality.
     """
     n_v, settings = rig.model.n_v, rig.settings.dik
     P, c = np.zeros((n_v + 12,) * 2), np.zeros(n_v + 12)
@@ -52,10 +52,10 @@ def solve_explicit(rig: Rig, r: Array, *, q_command: Array) -> Array:
 
 
 def velocity_range(rig: Rig, q_command: Array) -> tuple[Array, Array]:
-    """(n_a,) slowest and fastest joint velocity allowed [rad/s].
+    """Return (n_a,) the slowest and the fastest allowed joint velocity [rad/s].
 
-    Within the drive's limit, and no faster than to be at the end of the joint
-    range, less a margin, after the damper's time.
+    Both stay within the drive's limit. A joint may not be so fast that it would reach
+    the end of its range, less a margin, within the damper's time.
     """
     settings, model = rig.settings.dik, rig.model
     fastest = np.minimum(model.velocity_limit, settings.velocity_limit_rad_s)
@@ -66,7 +66,7 @@ def velocity_range(rig: Rig, q_command: Array) -> tuple[Array, Array]:
 
 
 def _tasks(rig: Rig, q_command: Array) -> list[tuple[Mat, Array, Array | float]]:
-    """Jacobian, wanted velocity and weight of every task but the wrench law's."""
+    """Return Jacobian, wanted velocity and weight of each task but the wrench law."""
     settings, dynamics, stance = rig.settings.dik, rig.dynamics, rig.stance
     of_v = np.eye(rig.model.n_v)
     com_error = stance.com - dynamics.p_com

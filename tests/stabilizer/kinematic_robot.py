@@ -1,4 +1,4 @@
-"""A robot that moves as told: what its sensors read, without any dynamics."""
+"""Sensor readings of a robot that moves along a given path, without dynamics."""
 
 from __future__ import annotations
 
@@ -13,14 +13,14 @@ from surefoot.schemas.arrays import Array, Vec3
 from surefoot.stabilizer.model import GRAVITY, RobotModel
 
 STEP_S = 1e-4
-"""Of the differences that give velocity and acceleration."""
+"""Step of the differences that give velocity and acceleration [s]."""
 Motion = Callable[[float], Array]
-"""Time [s] to configuration (7 + n_a,), model order."""
+"""Takes the time [s]; returns the configuration (7 + n_a,) in model order."""
 
 
 @dataclass(frozen=True)
 class Biases:
-    """What the inertial unit reads too much, in its own frame."""
+    """Biases of the IMU in its own frame: what it reads too much."""
 
     gyro: Vec3
     accel: Vec3
@@ -30,10 +30,10 @@ UNBIASED = Biases(gyro=np.zeros(3), accel=np.zeros(3))
 
 
 class KinematicRobot:
-    """Sensor readings along a motion.
+    """Computes sensor readings along a motion.
 
     Attributes:
-        motion: where the robot truly is.
+        motion: the true motion.
     """
 
     def __init__(self, model: RobotModel, motion: Motion) -> None:
@@ -43,19 +43,19 @@ class KinematicRobot:
         self._imu = model.pin_model.getFrameId(model.robot.file.imu.frame)
 
     def velocity(self, time_s: float) -> Array:
-        """(n_v,) true velocity, base twist in base."""
+        """Return (n_v,) the true velocity, base twist in base."""
         behind, ahead = self.motion(time_s - STEP_S), self.motion(time_s + STEP_S)
         step: Array = pin.difference(self._model.pin_model, behind, ahead)
         return step / (2.0 * STEP_S)
 
     def acceleration(self, time_s: float) -> Array:
-        """(n_v,) its rate of change."""
+        """Return (n_v,) the true acceleration."""
         change = self.velocity(time_s + STEP_S) - self.velocity(time_s - STEP_S)
         rate: Array = change / (2.0 * STEP_S)
         return rate
 
     def wrenches(self, time_s: float, *, left_share: float = 0.5) -> Array:
-        """(12,) what the soles must feel for this motion, shared as told."""
+        """Return (12,) the soles' wrenches for this motion, with a given load share."""
         model, data = self._model, self._data
         q, v = self.motion(time_s), self.velocity(time_s)
         forces = pin.rnea(model.pin_model, data, q, v, self.acceleration(time_s))
@@ -72,7 +72,7 @@ class KinematicRobot:
         )
 
     def snapshot(self, time_s: float, biases: Biases = UNBIASED) -> Snapshot:
-        """What joints and inertial unit read; all other sensors read nothing."""
+        """Return the readings of joints and IMU; all other sensors read zero."""
         model, data = self._model, self._data
         q, v = self.motion(time_s), self.velocity(time_s)
         pin.forwardKinematics(model.pin_model, data, q, v, self.acceleration(time_s))
@@ -93,7 +93,7 @@ class KinematicRobot:
 
 
 class StandingOnSoles:
-    """Places the base so that the left sole is where it belongs."""
+    """Places the base so that the left sole keeps its place."""
 
     def __init__(self, model: RobotModel) -> None:
         self._model = model.pin_model
@@ -105,7 +105,7 @@ class StandingOnSoles:
         self._T_world_base = pin.XYZQUATToSE3(self._q[:7])
 
     def __call__(self, joints: Array) -> Array:
-        """(7 + n_a,) configuration with these joints (n_a,), model order."""
+        """Return (7 + n_a,) the configuration with these joints (n_a,), model order."""
         q = self._q.copy()
         q[7:] = joints
         pin.framesForwardKinematics(self._model, self._data, q)
@@ -115,11 +115,11 @@ class StandingOnSoles:
 
 
 def joint_offsets(model: RobotModel, **by_kind: float) -> Array:
-    """(n_a,) the same offset on the joints of that kind of both legs [rad].
+    """Return (n_a,) the same offset for joints of a kind in both legs [rad].
 
     Args:
-        model: gives the order.
-        **by_kind: such as ``ankle_pitch=0.1``.
+        model: defines the order.
+        **by_kind: offset by kind, such as ``ankle_pitch=0.1``.
     """
     offsets = np.zeros(model.n_a)
     names = list(model.pin_model.names)[2:]

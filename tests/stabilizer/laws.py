@@ -1,4 +1,4 @@
-"""Wrench laws with settings of the test's choosing."""
+"""Wrench laws with given settings."""
 
 from __future__ import annotations
 
@@ -17,11 +17,11 @@ PERIOD_S = 0.001
 NO_GAIN = (0.0,) * 6
 NOTHING = np.zeros(12)
 HALF_SIZES = ((0.1357, 0.0774), (0.1357, 0.0774))
-"""Of the Walker's soles [m]."""
+"""Half lengths and half widths of the Walker's soles [m]."""
 
 
 def settings_with(**sections: dict[str, Any]) -> ControllerSettings:
-    """Defaults with some values replaced."""
+    """Return the default settings with some values replaced."""
     settings = ControllerSettings()
     for name, values in sections.items():
         section = msgspec.structs.replace(getattr(settings, name), **values)
@@ -30,7 +30,7 @@ def settings_with(**sections: dict[str, Any]) -> ControllerSettings:
 
 
 WEIGHT = 70.0 * GRAVITY
-"""The Walker's [N]."""
+"""Weight of the Walker [N]."""
 
 
 def make_law(
@@ -61,7 +61,7 @@ def answer(
     F_id: Array = NOTHING,
     in_contact: list[bool] = BOTH,
 ) -> Array:
-    """(12,) what the law asks of the soles at the rig's state; the law's own array."""
+    """Return (12,) the law's sole twists at the rig's state; the law's own array."""
     return law.update(
         rig.dynamics, rig.stance, F_meas=F_meas, F_id=F_id, in_contact=in_contact
     )
@@ -70,4 +70,4 @@ def answer(
 PAPER = settings_with(
     ground={"gain": NO_GAIN}, dik={"stance_leak": 0.0, "keep_flat": 0.0}
 )
-"""Nothing beside the paper's own law."""
+"""The paper's own law without our additions."""

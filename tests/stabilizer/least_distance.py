@@ -1,8 +1,8 @@
-"""A second QP solver, apart from PIQP: an active-set method, by Lawson and Hanson.
+"""A second QP solver, independent of PIQP: Lawson and Hanson's active-set method.
 
-With P = L L^T and y = L^T x + L^-1 q_lin, the QP is the problem of least distance:
-the shortest y with G L^-T y <= h_u + G P^-1 q_lin. Its dual is a problem of
-non-negative least squares.
+With P = L L^T and y = L^T x + L^-1 q_lin, the QP becomes a least-distance problem: the
+shortest y with G L^-T y <= h_u + G P^-1 q_lin. Its dual is a non-negative least-squares
+problem.
 """
 
 from __future__ import annotations
@@ -15,14 +15,14 @@ from surefoot.stabilizer.errors import QpStatus
 from surefoot.stabilizer.qp import DenseQp, SolverAnswer
 
 CONTRADICTION = 1e-9
-"""A residual below it: the limits exclude everything."""
+"""A smaller residual means that the limits exclude all points."""
 
 
 class LeastDistanceSolver:
-    """Exact to rounding, slow, and keeps nothing from one problem to the next.
+    """A slow solver that is exact to rounding and keeps no state between problems.
 
     Attributes:
-        solved: number of problems it was given.
+        solved: number of problems solved.
     """
 
     def __init__(self) -> None:

@@ -1,4 +1,4 @@
-"""Left and right exchanged: reflection at the robot's own x-z plane."""
+"""The reflection at the robot's x-z plane, which exchanges left and right."""
 
 from __future__ import annotations
 
@@ -19,10 +19,10 @@ _SIX = np.concatenate((VECTOR, PSEUDOVECTOR))
 
 
 class Mirror:
-    """Mirror images of what the robot measures and does.
+    """Mirrors the robot's readings and commands.
 
-    Which joint a joint turns into follows from the names, its sign from the axes:
-    nothing of the robot's tables is written down here.
+    The partner of each joint follows from the names, its sign from the axes; the
+    robot's tables are not used.
     """
 
     def __init__(self, model: RobotModel) -> None:
@@ -36,19 +36,19 @@ class Mirror:
         self._sign = np.sum(partners * PSEUDOVECTOR[:, None] * axes, axis=0)
 
     def joints(self, values: Array) -> Array:
-        """(n_a,) positions, velocities or torques, bus order."""
+        """Mirror (n_a,) positions, velocities or torques in bus order."""
         mirrored = np.empty_like(values)
         mirrored[self._partner] = self._sign * values
         return mirrored
 
     def wrenches(self, stacked: Array) -> Array:
-        """(12,) of left and right foot, in their own frames."""
+        """Mirror (12,) wrenches of left and right foot in their own frames."""
         return np.concatenate((_SIX * stacked[6:], _SIX * stacked[:6]))
 
     twists = wrenches
 
     def snapshot(self, snapshot: Snapshot) -> Snapshot:
-        """What the sensors of the mirrored robot read."""
+        """Return the readings of the mirrored robot."""
         x, y, z, w = snapshot.quat_xyzw
         return replace(
             snapshot,

@@ -1,4 +1,4 @@
-"""Everything one tick needs, at a state of the test's choosing."""
+"""Everything one tick needs, at a given state."""
 
 from __future__ import annotations
 
@@ -27,9 +27,9 @@ class Rig:
     """Dynamics, stance and both QPs of one robot, called as the controller does.
 
     Attributes:
-        weight: of the robot [N].
+        weight: weight of the robot [N].
         q: (7 + n_a,) configuration of the last :meth:`go`.
-        extra_tasks: beside those of a robot that stands.
+        extra_tasks: tasks beside those of a standing robot.
     """
 
     def __init__(
@@ -56,17 +56,16 @@ class Rig:
 
     @property
     def largest_force(self) -> float:
-        """Normal force that may be asked of a standing foot [N]."""
+        """Largest normal force that may be asked of a standing foot [N]."""
         return self.settings.tsid.normal_force_max_weights * self.weight
 
     def ask(self, rng: np.random.Generator, *, position: float, speed: float) -> None:
-        """Have a planner ask for something else everywhere.
+        """Change all references at random, as a planner may.
 
         Args:
-            rng: what it asks for.
-            position: how far from the stance [m, rad].
-            speed: of the centre of mass [m/s]; ten times that in its acceleration
-                [m/s^2].
+            rng: source of the random numbers.
+            position: distance from the stance [m, rad].
+            speed: speed of the CoM [m/s]; its acceleration is ten times that [m/s^2].
         """
         stance, nominal = self.stance, standing(self.model)
         stance.com[:] = nominal.com + position * rng.normal(size=3)
@@ -82,7 +81,7 @@ class Rig:
         return self.dynamics
 
     def solve_tsid(self, in_contact: list[bool] | None = None) -> QpSolution:
-        """First QP; both feet stand unless said otherwise."""
+        """Solve the first QP; both feet stand unless given otherwise."""
         return self.tsid.solve(
             self.dynamics,
             self.stance,
@@ -91,7 +90,7 @@ class Rig:
         )
 
     def solve_dik(self, r: Array, *, q_command: Array | None = None) -> QpSolution:
-        """Second QP; the command is where the joints are unless said otherwise."""
+        """Solve the second QP; the command is the joints' position unless given."""
         if q_command is None:
             q_command = self.dynamics.q[7:].copy()
         return self.dik.solve(self.dynamics, self.stance, r=r, q_command=q_command)

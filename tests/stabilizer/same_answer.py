@@ -1,4 +1,4 @@
-"""When two answers to one QP are the same: as near as its conditioning lets them be."""
+"""Compares two solutions of a QP, with a tolerance from its conditioning."""
 
 from __future__ import annotations
 
@@ -7,22 +7,22 @@ import numpy as np
 from surefoot.schemas.arrays import Array, Mat
 
 SOLVER_RESIDUAL, DUALITY_GAP = 1e-9, 1e-10
-"""What PIQP is asked for."""
+"""Tolerances that PIQP is given."""
 
 
 def assert_same_answer(P: Mat, one: Array, other: Array) -> None:
-    """Two answers to one problem are as near as its conditioning lets them be.
+    """Check that two solutions of a QP are as near as its conditioning allows.
 
-    Each solves it up to a stationarity residual r and a duality gap g. Then for their
-    difference d: d^T P d <= 2 r |d| + 2 g, so its length in the metric of P is at most
-    2 r / sqrt(least eigenvalue) + sqrt(2 g): tight where the cost is steep, wide along
-    what it hardly weighs. Rounding is a residual, too, eps |P| |x|; each BLAS rounds in
-    an order of its own.
+    Each solution has a stationarity residual of at most r and a duality gap of at most
+    g. Their difference d then obeys d^T P d <= 2 r |d| + 2 g. So its length in the
+    metric of P is at most 2 r / sqrt(least eigenvalue) + sqrt(2 g): tight where the
+    cost is steep, wide where it is flat. Rounding adds a residual eps |P| |x|, since
+    each BLAS rounds in its own order.
 
     Args:
-        P: (n, n) the quadratic cost.
-        one: (n,) answer.
-        other: (n,) answer.
+        P: (n, n) quadratic cost.
+        one: (n,) solution.
+        other: (n,) solution.
     """
     eigenvalues = np.linalg.eigvalsh(P)
     rounding = np.finfo(float).eps * eigenvalues[-1] * float(np.linalg.norm(one))

@@ -1,4 +1,4 @@
-"""What a robot at rest in its nominal stance reads, and what is asked of it."""
+"""Sensors and reference of a robot at rest in its nominal stance."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from tests.stabilizer.kinematic_robot import KinematicRobot
 
 
 def standing_snapshot(model: RobotModel) -> Snapshot:
-    """Each foot carries half the weight, under its middle."""
+    """Return the sensors; each foot carries half the weight under its middle."""
     q = model.nominal_configuration()
     reading = KinematicRobot(model, lambda _: q).snapshot(0.0)
     half = 0.5 * model.mass * GRAVITY
@@ -23,7 +23,7 @@ def standing_snapshot(model: RobotModel) -> Snapshot:
 
 
 def airborne_snapshot(model: RobotModel) -> Snapshot:
-    """The same posture with both feet hanging free."""
+    """Return the same posture with both feet hanging free."""
     left, right = (_upwards(-plate.mass * GRAVITY) for plate in model.plates)
     return replace(standing_snapshot(model), ft_left=left, ft_right=right)
 
@@ -31,7 +31,7 @@ def airborne_snapshot(model: RobotModel) -> Snapshot:
 def standing_reference(
     model: RobotModel, *, com_acceleration: float = 0.0
 ) -> Reference:
-    """The stance held anyway, said by a planner."""
+    """Return the nominal stance as a planner's reference."""
     return Reference(
         schema=SCHEMA_VERSION,
         tick=0,

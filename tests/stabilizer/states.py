@@ -14,25 +14,25 @@ from surefoot.stabilizer.model import N_BASE_V, RobotModel
 
 @dataclass(frozen=True)
 class State:
-    """(7 + n_a,) configuration and (n_v,) velocity, model order."""
+    """Configuration (7 + n_a,) and velocity (n_v,), model order."""
 
     q: Array
     v: Array
 
     @property
     def base_rotation(self) -> Mat:
-        """(3, 3) rotation of the base."""
+        """Return (3, 3) the rotation of the base."""
         rotation: Mat = pin.Quaternion(self.q[3:7]).toRotationMatrix()
         return rotation
 
 
 def nominal_state(model: RobotModel) -> State:
-    """Nominal posture on level ground, at rest."""
+    """Return the nominal posture on level ground, at rest."""
     return State(q=model.nominal_configuration(), v=np.zeros(model.n_v))
 
 
 def states_anywhere(model: RobotModel, *, count: int, seed: int) -> Iterator[State]:
-    """Any attitude, joints over their whole range, speeds around 1 (SI)."""
+    """Yield any attitude, joints over their whole range, and speeds around 1 (SI)."""
     rng = np.random.default_rng(seed)
     for _ in range(count):
         quat = rng.normal(size=4)
@@ -49,12 +49,12 @@ def states_anywhere(model: RobotModel, *, count: int, seed: int) -> Iterator[Sta
 def states_near_stance(
     model: RobotModel, *, count: int, seed: int, spread: float, speed: float
 ) -> Iterator[State]:
-    """Around the nominal stance.
+    """Yield random states around the nominal stance.
 
     Args:
         model: the robot.
-        count: how many.
-        seed: of the generator.
+        count: number of states.
+        seed: seed of the generator.
         spread: standard deviation of base pose and joints [m, rad].
         speed: standard deviation of every velocity [m/s, rad/s].
     """
@@ -67,13 +67,13 @@ def states_near_stance(
 
 
 def stepped(model: RobotModel, q: Array, *, along: Array) -> Array:
-    """(7 + n_a,) q moved by a tangent vector, base part in base coordinates."""
+    """Return (7 + n_a,) q moved by a tangent vector, base part in base coordinates."""
     moved: Array = pin.integrate(model.pin_model, q, along)
     return moved
 
 
 def unit(model: RobotModel, index: int) -> Array:
-    """(n_v,) one velocity at 1, the others at 0."""
+    """Return (n_v,) a velocity with one entry 1, the others 0."""
     direction = np.zeros(N_BASE_V + model.n_a)
     direction[index] = 1.0
     return direction

@@ -1,4 +1,4 @@
-"""Frames and order are a matter of wiring: the same readings, the same commands."""
+"""Turned frames and another joint order give the same commands."""
 
 from __future__ import annotations
 
@@ -29,11 +29,13 @@ SETTINGS = build_settings(
 TICKS, CALIBRATION_TICKS = 150, 20
 SAME_FRAME = 1e-12
 SAME_COMMAND_RAD = 1e-7
-"""The readings are turned into other frames and back, some 1e-16 of a hundred newtons;
-a QP whose condition number is 1e8 makes 1e-6 of it, an admittance of some
-1e-3 m/s per newton and a tenth of a second 1e-10."""
+"""Turning the readings into other frames and back costs some 1e-16 of 100 N.
+
+A QP whose condition number is 1e8 makes 1e-6 of it. An admittance of some 1e-3 m/s per
+newton makes 1e-10 of it in a tenth of a second.
+"""
 SAME_VELOCITY_RAD_S = 1e-5
-"""By the same QP: 1e-6 and what follows of the posture it starts from."""
+"""The same QP's 1e-6, and its effect on the posture it starts from."""
 PUSH = {
     "body": "torso",
     "force_n": [30.0, 60.0, 0.0],
@@ -41,11 +43,11 @@ PUSH = {
     "duration_s": 0.1,
 }
 STANDS_ALIKE_M = 5e-4
-"""A sample late here, a contact iterated once more there: two plants, not one."""
+"""Single samples and contact iterations differ, so the plants are not identical."""
 
 
 def readings(model: RobotModel, walker: Robot, *, seed: int) -> list[Snapshot]:
-    """The Walker's: at rest while it is calibrated, then noise on every sensor."""
+    """Return the Walker's readings: at rest during calibration, then all noisy."""
     rng = np.random.default_rng(seed)
     still = standing_snapshot(model)
     noisy = [
@@ -65,7 +67,7 @@ def readings(model: RobotModel, walker: Robot, *, seed: int) -> list[Snapshot]:
 
 
 def wish(model: RobotModel) -> Reference:
-    """A planner's, everything a little off the stance."""
+    """Return a planner's reference that is a little off the stance everywhere."""
     rng = np.random.default_rng(43)
     stance = standing(model)
     half = 0.5 * 0.05
@@ -82,9 +84,9 @@ def wish(model: RobotModel) -> Reference:
 def answers(
     robot: Robot, name: str, *, snapshots: list[Snapshot], reference: Reference
 ) -> tuple[Array, Array]:
-    """(ticks, n_a) commands and joint velocities, zero where it tells none.
+    """Return (ticks, n_a) commands and joint velocities; zero where there are none.
 
-    Of a fresh controller, on readings that do not depend on it.
+    The controller is new; the readings do not depend on its commands.
     """
     controller = make_controller(name, robot, SETTINGS)
     controller.start(snapshots[0], robot.nominal)
@@ -158,7 +160,7 @@ def test_same_readings_and_wishes_give_the_same_commands(
 
 
 def to(robot: Awkward, reference: Reference) -> Reference:
-    """The same wish in the order of its joints."""
+    """Return the same reference in the other robot's joint order."""
     posture = robot.joints(np.array(reference.posture))
     return msgspec.structs.replace(reference, posture=posture.tolist())
 
@@ -206,7 +208,7 @@ def test_health_believes_turned_sensors_as_it_does_the_walkers(
 
 @pytest.fixture(scope="module", params=CONTROLLERS)
 def pushed(request: pytest.FixtureRequest, awkward: Awkward) -> tuple[Run, Run]:
-    """The Walker and the awkward robot, pushed from the side, noiseless."""
+    """Run the Walker and the awkward robot, pushed from the side, without noise."""
     walker, robot = (
         run_closed_loop(
             each,

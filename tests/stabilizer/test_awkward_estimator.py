@@ -1,7 +1,7 @@
-"""Where and how the inertial unit is mounted is no matter for the estimate.
+"""The estimate does not depend on where and how the IMU is mounted.
 
-The left foot stands and the legs move as they please, so that the body turns about all
-axes: each term of the unit's lever counts.
+The left foot stands and the legs move freely, so the body turns about all axes, and
+each term of the IMU's lever arm counts.
 """
 
 from __future__ import annotations
@@ -27,24 +27,27 @@ from tests.stabilizer.kinematic_robot import (
 
 PERIOD_S = 0.001
 SETTLE_S, MOVE_S = 0.6, 1.2
-"""Until only the left foot counts; then the motion."""
+"""Time until only the left foot counts, and duration of the motion [s]."""
 SETTINGS = msgspec.structs.replace(
     EstimatorSettings(), tilt_bandwidth=2.0, height_bandwidth=2.0
 )
-"""Quick, so that what the legs and the lever say shows within a second."""
+"""Quick, so that effects of legs and lever show within a second."""
 LEAN_RAD = 0.5
-"""Far over, so that the lever's vertical part shows in the horizontal, too."""
+"""Large, so that the lever's vertical part shows in the horizontal, too."""
 SWAY_RAD, SWAY_RAD_S = 0.3, 4.0
 TILT_RAD, SPEED_M_S, HEIGHT_M = 2e-3, 4e-3, 1e-3
-"""The estimator works with what the legs saw a period ago: at 2 rad/s, 5 rad/s^2 and a
-metre above the foot this is 5 mm/s. A lever with one wrong sign is off by far more."""
+"""Tolerances of the estimate.
+
+The estimator uses the legs' readings of the last tick. At 2 rad/s, 5 rad/s^2 and a
+metre above the foot this costs 5 mm/s. A lever arm with a wrong sign costs much more.
+"""
 SAME = 1e-10
-"""Two thousand ticks, each rounded by a few times 1e-16 in numbers up to 10."""
+"""Rounding over 2000 ticks: some 1e-16 each in numbers up to 10."""
 
 
 @pytest.fixture
 def swaying(model: RobotModel) -> Motion:
-    """The Walker on its left sole; every joint of its left leg swings."""
+    """Return a motion of the Walker on its left sole that moves all left leg joints."""
     rng = np.random.default_rng(41)
     names = list(model.pin_model.names)[2:]
     left_leg = np.array([name.startswith("left") for name in names]) & model.is_leg
@@ -69,7 +72,7 @@ def ticks() -> Array:
 
 
 class Followed:
-    """What the estimator makes of a motion, a row per tick of the motion itself."""
+    """The estimator's results along a motion, with a row per tick."""
 
     def __init__(self, model: RobotModel, motion: Motion) -> None:
         robot = KinematicRobot(model, motion)

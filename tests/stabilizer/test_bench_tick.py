@@ -1,4 +1,4 @@
-"""The benchmark of a tick reaches each stage by its name: it breaks when one moves."""
+"""The tick benchmark finds each stage by its name, and fails when one is renamed."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from benchmarks import bench_tick
 
 STAGES = ("controller tick", "estimator", "dynamics", "TSID", "wrench law", "DIK")
 TICKS = bench_tick.WARM_UP_TICKS + 400
-"""The estimator's warm-up begins after its calibration."""
+"""Longer than the benchmark's warm-up, which begins after the calibration."""
 
 
 def test_every_stage_is_timed() -> None:

@@ -1,4 +1,4 @@
-"""From wanted velocities to the joint command that leaves the controller."""
+"""From wanted velocities to the joint command."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ PERIOD_S = 0.001
 SETTINGS = build_settings(
     {}, overrides=["estimator.calibration_s=0.05", "dik.ramp_in_s=0.05"]
 )
-"""Soon calibrated and faded in."""
+"""Short calibration and fade-in."""
 CALIBRATION_TICKS = round(SETTINGS.estimator.calibration_s / PERIOD_S)
 FADED_IN_TICKS = CALIBRATION_TICKS + round(SETTINGS.dik.ramp_in_s / PERIOD_S)
 LONG = 800
@@ -42,7 +42,7 @@ def answers(
     ticks: int,
     reference: Reference | None = None,
 ) -> Array:
-    """(ticks, n_a) commands while every reading is the same."""
+    """Return (ticks, n_a) commands for constant readings."""
     outputs = []
     for _ in range(ticks):
         output = controller.step(snapshot, reference)
@@ -60,7 +60,7 @@ def with_com(reference: Reference, com: list[float]) -> Reference:
 
 
 def pushed(snapshot: Snapshot) -> Snapshot:
-    """Left foot pushed twice as hard as it should be."""
+    """Return sensors in which the left foot is pushed with twice its force."""
     return replace(snapshot, ft_left=2.0 * snapshot.ft_left)
 
 

@@ -1,4 +1,4 @@
-"""Which feet stand: hysteresis in force, patience in time, gentle reloading."""
+"""Contact states: hysteresis in force, waiting times, gentle reloading."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ def make_monitor(settings: ContactSettings = SETTINGS) -> ContactMonitor:
 
 
 def feel(monitor: ContactMonitor, *, side: int, normal: float, ticks: int = 1) -> None:
-    """That normal force at one foot, the other standing firmly."""
+    """Apply a normal force to one foot while the other stands firmly."""
     normals = [STANDING_N, STANDING_N]
     normals[side] = normal
     for _ in range(ticks):
@@ -33,7 +33,7 @@ def feel(monitor: ContactMonitor, *, side: int, normal: float, ticks: int = 1) -
 def ticks_until(
     monitor: ContactMonitor, *, side: int, normal: float, in_contact: bool
 ) -> int:
-    """How many ticks of that force it takes."""
+    """Return how many ticks of a force a change takes."""
     for tick in range(1, 1000):
         feel(monitor, side=side, normal=normal)
         if monitor.in_contact[side] is in_contact:

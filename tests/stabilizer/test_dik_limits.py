@@ -16,16 +16,16 @@ from tests.stabilizer.states import nominal_state, states_near_stance
 STATES = 25
 SPREAD, SPEED = 0.1, 0.5
 WITHIN = 1e-6
-"""What the interior point may be over a limit [rad/s, rad]."""
+"""Violation that the interior point method may leave [rad/s, rad]."""
 WILD_TWIST = 3.0
 PERIOD_S = 0.001
 TICKS = 400
 EAGER_GAIN = 50.0
-"""Posture gain that makes a joint run for its reference at full speed [1/s]."""
+"""Posture gain at which a joint moves to its reference at full speed [1/s]."""
 
 
 def eager(settings: ControllerSettings) -> ControllerSettings:
-    """Settings whose posture task outweighs the others."""
+    """Return settings whose posture task outweighs the others."""
     dik = msgspec.structs.replace(
         settings.dik,
         posture_gain=EAGER_GAIN,

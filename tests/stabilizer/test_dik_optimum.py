@@ -1,4 +1,4 @@
-"""The second QP is solved, and it is the paper's problem."""
+"""The second QP's solution solves the problem of the paper."""
 
 from __future__ import annotations
 
@@ -18,16 +18,16 @@ STATES = 25
 SPREAD, SPEED = 0.1, 0.5
 KKT_TOLERANCE = 1e-6
 SAME_VELOCITY = 1e-4
-"""[m/s, rad/s]"""
+"""Tolerance of a velocity [m/s, rad/s]."""
 SLOW, FAST = 0.05, 1.0
-"""Spread of the wanted sole twists: within and beyond what the joints can do."""
+"""Spread of the wanted sole twists: feasible, and beyond the joints' limits."""
 TWISTS = pytest.mark.parametrize("twist", [SLOW, FAST], ids=["slow", "fast"])
 
 
 def solutions(rig: Rig, twist: float) -> Iterator[tuple[QpSolution, Array, Array]]:
-    """Solution, wanted twists and command on random states with random references.
+    """Yield solution, wanted twists and command at random states and references.
 
-    Beside fast twists, every third joint's command stands at an end of its range.
+    Twists are fast, and every third joint's command is at an end of its range.
     """
     rng = np.random.default_rng(13)
     model, settings = rig.model, rig.settings.dik

@@ -1,4 +1,4 @@
-"""Pushes and fast ground that tip a foot: the controller and robot in one loop."""
+"""Pushes and fast ground that tip a foot, in closed loop."""
 
 from __future__ import annotations
 
@@ -23,14 +23,14 @@ NORMAL_ROWS = (2, 8)
 def push(
     direction_deg: float, *, impulse_n_s: float = IMPULSE_NS
 ) -> list[dict[str, Any]]:
-    """One on the torso, counted from the front to the left."""
+    """Return a push on the torso; its direction counts from ahead to the left."""
     angle, force = math.radians(direction_deg), impulse_n_s / PUSH_S
     force_n = [force * math.cos(angle), force * math.sin(angle), 0.0]
     return [{"body": "torso", "force_n": force_n, "start_s": 1.5, "duration_s": PUSH_S}]
 
 
 def ramp(axis: str, rate_deg_s: float) -> list[dict[str, Any]]:
-    """A platform under both feet that turns by 15 degrees and stays there."""
+    """Return a platform under both feet that turns by 15 deg and stays there."""
     motion = {
         "axis": axis,
         "kind": "ramp",

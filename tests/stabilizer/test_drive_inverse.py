@@ -1,4 +1,4 @@
-"""The drives do what is wanted, as far as their speed allows."""
+"""The drives do what is wanted, within their speed limit."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ TICKS = 2000
 
 
 def motion(*, rate: float, hz: float) -> Array:
-    """Swings from rest and back, less for each further joint, (TICKS, JOINTS)."""
+    """Return swings that start and end at rest, (TICKS, JOINTS)."""
     t = PERIOD_S * np.arange(TICKS)[:, None]
     omega = 2.0 * np.pi * hz
     return rate / omega * (1.0 - np.cos(omega * t)) / (1.0 + np.arange(JOINTS))

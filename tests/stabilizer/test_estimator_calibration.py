@@ -26,23 +26,23 @@ PERIOD_S = 0.005
 EXACT = 1e-9
 SETTINGS = EstimatorSettings()
 QUICK = msgspec.structs.replace(SETTINGS, tilt_bandwidth=2.0, gyro_bias_gain=0.5)
-"""Learns the gyroscope's bias in seconds, where the defaults take a minute."""
+"""Learns the gyroscope's bias in seconds; the defaults take a minute."""
 LEAN_RAD = 0.05
 WRONG_TILT = Biases(gyro=np.zeros(3), accel=np.array([0.3, 0.2, 0.0]))
-"""Two degrees."""
+"""Biases that look like a tilt of two degrees."""
 GYRO_BIAS = np.array([0.01, -0.01, 0.01])
 SAMPLES = 300
 
 
 @pytest.fixture
 def leaning(model: RobotModel) -> Array:
-    """Lean forward at the ankles, soles flat on the ground."""
+    """Return a lean at the ankles with the soles flat on the ground."""
     offsets = joint_offsets(model, ankle_pitch=LEAN_RAD)
     return StandingOnSoles(model)(model.nominal + offsets)
 
 
 def sole_yaw(model: RobotModel, q: Array) -> float:
-    """Mean yaw of both soles [rad]."""
+    """Return the mean yaw of both soles [rad]."""
     data = model.pin_model.createData()
     pin.framesForwardKinematics(model.pin_model, data, q)
     rotations = [data.oMf[frame].rotation for frame in model.sole_ids]
@@ -50,7 +50,7 @@ def sole_yaw(model: RobotModel, q: Array) -> float:
 
 
 def rolled(model: RobotModel, angle: float) -> Array:
-    """Turned with the ground by that angle about the x-axis."""
+    """Turn robot and ground about the x-axis by an angle."""
     turn = pin.AngleAxis(angle, np.array([1.0, 0.0, 0.0])).toRotationMatrix()
     q = model.nominal_configuration().copy()
     q[:3] = turn @ q[:3]

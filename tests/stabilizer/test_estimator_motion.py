@@ -1,4 +1,4 @@
-"""Where the robot is while it, or the ground under it, moves."""
+"""The estimator while the robot, or the ground under it, moves."""
 
 from __future__ import annotations
 
@@ -27,19 +27,19 @@ LEAN_RAD, BEND_RAD = 0.05, 0.15
 SWAY_RAD_S, TURNTABLE_RAD_S = 4.0, 4.0
 LIFT_M, YAW_RAD = 0.005, 2e-5
 POSITION_M, TILT_RAD, SPEED_M_S = 1.5e-3, 1e-3, 5e-3
-"""How well base pose and velocity are known on ground at rest."""
+"""Tolerances of base pose and velocity on ground at rest."""
 LOADED_AFTER_S = 1.0
-"""Many times the memory of the load share."""
+"""Many times the time constant of the load share [s]."""
 
 
 def faded(time_s: float, *, over_s: float) -> float:
-    """From 0 to 1 without a jump in velocity or acceleration."""
+    """Return a factor from 0 to 1 with continuous velocity and acceleration."""
     x = min(max(time_s / over_s, 0.0), 1.0)
     return x**3 * (10.0 - 15.0 * x + 6.0 * x * x)
 
 
 def heave(model: RobotModel, *, frequency_hz: float, duration_s: float) -> EstimatorRun:
-    """Robot and ground go up and down together: no joint moves."""
+    """Return a motion in which robot and ground heave and no joint moves."""
     nominal = model.nominal_configuration()
 
     def motion(time_s: float) -> Array:
@@ -88,13 +88,13 @@ def test_heaving_ground_moves_nothing_sideways(model: RobotModel) -> None:
 
 
 def leaning(model: RobotModel, time_s: float) -> Array:
-    """Joint offsets of a sway about the ankles, soles flat on the ground."""
+    """Return joint offsets of a sway about the ankles, soles flat on the ground."""
     angle = LEAN_RAD * faded(time_s, over_s=1.0) * np.sin(np.pi * time_s)
     return joint_offsets(model, ankle_pitch=angle)
 
 
 def squatting(model: RobotModel, time_s: float) -> Array:
-    """Joint offsets that bend and stretch the knees, soles flat, base upright."""
+    """Return joint offsets that bend and stretch the knees, base upright."""
     wave = 0.5 - 0.5 * np.cos(np.pi * time_s)
     angle = BEND_RAD * faded(time_s, over_s=1.0) * wave
     return joint_offsets(model, hip_pitch=-angle, knee=2.0 * angle, ankle_pitch=-angle)
@@ -142,7 +142,7 @@ def test_turning_is_integrated_without_loss(model: RobotModel) -> None:
     nominal = model.nominal_configuration()
 
     def motion(time_s: float) -> Array:
-        """Soon at full speed, and for the test's second half at it."""
+        """Reach full speed soon, and keep it in the test's second half."""
         angle = TURNTABLE_RAD_S * (time_s - (1.0 - np.exp(-9.0 * time_s)) / 9.0)
         q = nominal.copy()
         q[3:7] = 0.0, 0.0, np.sin(0.5 * angle), np.cos(0.5 * angle)

@@ -1,4 +1,4 @@
-"""A tick that cannot be solved: said, survived, kept for replay."""
+"""A tick that cannot be solved is reported, survived and kept for replay."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ PERIOD_S = 0.001
 SETTINGS = build_settings(
     {}, overrides=["estimator.calibration_s=0.02", "dik.ramp_in_s=0.02"]
 )
-"""Soon calibrated and faded in."""
+"""Short calibration and fade-in."""
 FASTEST_STEP_RAD = SETTINGS.dik.velocity_limit_rad_s * PERIOD_S
 OK = "ok"
 
@@ -47,7 +47,7 @@ SENSORS = pytest.mark.parametrize(
 
 @pytest.fixture
 def controller(walker: Robot, snapshot: Snapshot) -> WholeBodyController:
-    """Past its calibration, and moving."""
+    """Return a controller after its calibration, and moving."""
     controller = WholeBodyController(walker, SETTINGS)
     controller.start(snapshot, walker.nominal)
     assert statuses(controller, [snapshot] * WARM_TICKS) == {OK}
@@ -72,7 +72,7 @@ def reference_with(model: RobotModel, values: dict[str, list[float]]) -> Referen
 
 
 def assert_no_jump(before: Array, after: Array) -> None:
-    """From tick to tick, no joint's command moves faster than it may."""
+    """Check that no joint's command moves faster than it may."""
     moved = np.diff(np.vstack((before, after)), axis=0)
     assert np.isfinite(moved).all()
     assert np.abs(moved).max() <= FASTEST_STEP_RAD * (1.0 + 1e-9)
@@ -83,7 +83,7 @@ def assert_held_and_gone_on_from(
     good: tuple[Snapshot, Reference | None],
     bad: tuple[Snapshot, Reference | None],
 ) -> set[str]:
-    """The posture is held in bad ticks, left without a jump after; the bad statuses."""
+    """Check that bad ticks hold the posture without a jump; return their statuses."""
     assert controller.failure is None
     before = controller.step(*good).q_command
     outputs = [controller.step(*bad) for _ in range(BAD_TICKS)]

@@ -1,4 +1,4 @@
-"""A force that lasts too long for an impact: what it has led to is taken back."""
+"""Motion caused by a false force is taken back when the force lasts too long."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ from tests.stabilizer.watched_run import watched_run
 FEET = ("left_ankle_ft", "right_ankle_ft")
 FALSE_N = 2500.0
 SWAY_MM = 30.0
-"""Borne at most; what is not taken back ends in a fall 1.6 s later."""
+"""Largest sway that is allowed; without the correction it falls after 1.6 s."""
 STEP_RAD = 0.001
 OVERLOAD_TICKS = round(SafetySettings().overload_after_s / 0.001) + 1
 
@@ -53,7 +53,7 @@ def test_a_false_force_that_lasts_does_not_fell_the_standing_robot(
 
 
 class Creeping:
-    """A controller that moves on and on, and notes what it is asked."""
+    """A controller that moves on steadily, and notes what it is asked."""
 
     name = "creeping"
     failure: QpData | None = None
@@ -83,7 +83,7 @@ class Creeping:
 
 
 def feed(safety: Safety, reading: Snapshot, *, ticks: int) -> ControllerOutput:
-    """So many ticks of a reading, each a little different."""
+    """Feed a number of ticks of a reading, each slightly different."""
     rng = np.random.default_rng(5)
     for _ in range(ticks):
         noise = NOISE["force_noise_n"] * rng.standard_normal(6)
@@ -98,7 +98,7 @@ def feed(safety: Safety, reading: Snapshot, *, ticks: int) -> ControllerOutput:
 
 
 def overloaded(reading: Snapshot) -> Snapshot:
-    """The same with a false force on the right foot."""
+    """Return the sensors with a false force on the right foot."""
     offset = np.array([0.0, 0.0, FALSE_N, 0.0, 0.0, 0.0])
     return replace(reading, ft_right=reading.ft_right + offset)
 

@@ -1,4 +1,4 @@
-"""The ground's own motion, fed forward where a foot stands on it."""
+"""The ground's motion, fed forward where a foot stands on it."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ FIRM = SETTINGS.ground.firm_force_n
 
 @pytest.fixture
 def moving(model: RobotModel) -> Rig:
-    """Both soles move steadily; the joints do not."""
+    """Return sensors in which both soles move steadily and the joints rest."""
     rig = Rig(model, SETTINGS)
     state = nominal_state(model)
     state.v[:6] = 0.1, -0.05, 0.08, 0.2, -0.1, 0.3
@@ -31,9 +31,9 @@ def moving(model: RobotModel) -> Rig:
 
 
 def settled(rig: Rig, *, normals: tuple[float, float], in_contact: list[bool]) -> Array:
-    """Wanted twists (12,) after the estimate of the ground's twist has settled.
+    """Return (12,) wanted twists after the ground's twist has settled.
 
-    No wrench error, so that nothing but the feed-forward is in it.
+    There is no wrench error, so the twists are the feed-forward alone.
     """
     law = make_law(SETTINGS)
     F = np.zeros(12)
@@ -85,7 +85,7 @@ def test_feed_forward_returns_slowly_after_a_foot_was_in_the_air(
     firm[[2, 8]] = FIRM
 
     def update(F: Array, in_contact: list[bool]) -> float:
-        """Share of the sole's own twist that is asked of it."""
+        """Return the share of the sole's own twist that is asked of it."""
         r = answer(law, moving, F, F_id=F, in_contact=in_contact)[SOLE_ROWS[side]]
         full = np.array(GAIN) * law.ground_twist[SOLE_ROWS[side]]
         return float(r @ full / (full @ full))
@@ -121,13 +121,13 @@ EDGE_BEGINS = SETTINGS.ground.edge_begins
 
 
 def pressed_at(x: float, y: float) -> Array:
-    """(12,) both feet firm, centre of pressure at x, y of each sole [m]."""
+    """Return (12,) wrenches with the pressure at x, y of each sole [m]; both firm."""
     foot = [0.0, 0.0, FIRM, FIRM * y, -FIRM * x, 0.0]
     return np.array(foot * 2)
 
 
 def twist_fed_forward(rig: Rig, F: Array, *, turns: float = 1.0) -> Array:
-    """(12,) after everything has settled, without wrench error, gain one."""
+    """Return (12,) twists after settling, without wrench error, at gain one."""
     law = make_law(settings_with(ground={"gain": (1.0,) * 6}, dik={"stance_leak": 0.0}))
     law.turns = turns
     for _ in range(LONG):

@@ -1,4 +1,4 @@
-"""K follows delay, rate, contact and the age of the readings."""
+"""K follows delay, rate, contact stiffness and the age of the readings."""
 
 from __future__ import annotations
 

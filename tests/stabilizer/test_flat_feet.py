@@ -15,18 +15,18 @@ from tests.stabilizer.states import states_near_stance
 FLAT = settings_with(ground={"gain": NO_GAIN}, dik={"stance_leak": 0.0})
 LOAD_N = 300.0
 EDGE = 0.9
-"""Where the first QP's limit is: part of the sole it may use."""
+"""Part of the sole that the first QP may use."""
 EXACT = 1e-9
 EDGES = pytest.mark.parametrize(
     ("axis", "end"), [(3, 1.0), (3, -1.0), (4, 1.0), (4, -1.0)]
 )
-"""Moment about x (3) or y (4), and its sign: the four edges of a sole."""
+"""The four edges of a sole: moment about x (3) or y (4), and its sign."""
 MOST_SHAKEN_N = 700.0
-"""Before, feet that tipped slapped down with 980 N."""
+"""Without this law, tipping feet came down with 980 N."""
 
 
 def pressed(axis: int, share: float) -> Array:
-    """Both soles loaded, with the centre of pressure at a share of the way out."""
+    """Return wrenches with the pressure at a share of the way to the edge."""
     half = HALF_SIZES[0][0 if axis == 4 else 1]
     F = np.zeros(12)
     for start in (0, 6):
@@ -36,7 +36,7 @@ def pressed(axis: int, share: float) -> Array:
 
 
 def twists(model: RobotModel, axis: int, *, measured: float, wanted: float) -> Array:
-    """(n, 2, 12) in some states and with some errors: by the paper, and kept flat."""
+    """Return (n, 2, 12) twists for random states and errors: the paper's, ours."""
     rig = Rig(model, FLAT)
     rng = np.random.default_rng(3)
     found = []

@@ -1,4 +1,4 @@
-"""Ground that speeds up along the level, alone and under the whole robot."""
+"""Ground that accelerates horizontally: the estimate, and the robot's response."""
 
 from __future__ import annotations
 
@@ -17,20 +17,20 @@ from surefoot.stabilizer.estimation.felt_motion import FEIGNED_M_S2, GroundAccel
 
 PERIOD_S = 0.001
 PULL_M_S2 = 1.2
-"""Well within the sole: the centre of pressure moves by 8 cm."""
+"""Acceleration that moves the centre of pressure by 8 cm, well within the sole."""
 Signal = Callable[[float], float]
 
 
 def observed(
     ground: Signal, sway: Signal, *, firm_until_s: float = 9.0, duration_s: float = 3.0
 ) -> Array:
-    """Tell the ground's acceleration along x, tick by tick.
+    """Return the estimate of the ground's acceleration along x at every tick.
 
     Args:
-        ground: its acceleration [m/s^2].
-        sway: velocity of the centre of mass over the feet [m/s].
-        firm_until_s: when the feet are lifted [s].
-        duration_s: how long it is watched [s].
+        ground: true acceleration of the ground [m/s^2].
+        sway: velocity of the CoM over the feet [m/s].
+        firm_until_s: time at which the feet are lifted [s].
+        duration_s: duration [s].
     """
     observer = GroundAcceleration(period_s=PERIOD_S)
     rows = []
@@ -72,7 +72,7 @@ def test_feet_in_the_air_tell_nothing() -> None:
 
 
 def pulled(walker: Robot, direction_deg: float, profile: str) -> RunResult:
-    """A vehicle that pulls away within half a second, and goes on doing so."""
+    """Return a vehicle that starts within half a second and keeps accelerating."""
     angle = math.radians(direction_deg)
     speed_s = 0.5
     motion = [

@@ -1,4 +1,4 @@
-"""Every sensor of the table is watched: missing, no number, range, jump, frozen."""
+"""Every sensor of the table is watched: missing, NaN, range, jump, frozen."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from surefoot.stabilizer.safety.safety import Safety
 
 SETTINGS = SafetySettings()
 LONG = 40
-"""Ticks: longer than any patience with a sensor."""
+"""Ticks; longer than the patience with any sensor."""
 every_sensor = pytest.mark.parametrize("entry", SENSORS, ids=lambda entry: entry.name)
 ALL = [(entry, quantity) for entry in SENSORS for quantity in entry.quantities]
 
@@ -33,7 +33,7 @@ def each(pairs: list[tuple[Sensor, Quantity]]) -> pytest.MarkDecorator:
 
 
 def trembling(walker: Robot) -> Iterator[Snapshot]:
-    """A robot that stands: last digits move, joints at nominal, units level."""
+    """Yield sensors of a robot that stands, with noise in the last digits."""
     layout, rng = SnapshotLayout(walker.n_a), np.random.default_rng(0)
     tick = 0
     while True:
@@ -66,7 +66,7 @@ def changed(
 def lost_after(
     walker: Robot, entry: Sensor, quantity: Quantity | None, values: Array | float
 ) -> SensorTrouble | None:
-    """Why a sensor is lost when one of its quantities stays wrong; others stay."""
+    """Return why a sensor is lost if one of its quantities stays wrong."""
     health = SensorHealth(walker, SETTINGS)
     stream = trembling(walker)
     health.check(next(stream), FRESH, moves=lambda: True)
@@ -167,7 +167,7 @@ def test_one_that_no_controller_needs_is_only_reported(
 
 
 def states_without(walker: Robot, entry: Sensor) -> list[StabilizerState]:
-    """States, one after the other, while a sensor is missing for a while."""
+    """Return the successive states while a sensor is missing for a while."""
     safety = Safety(HoldController(walker.n_a), walker, SETTINGS)
     stream = trembling(walker)
     safety.start(next(stream), walker.nominal)

@@ -1,4 +1,4 @@
-"""The height filter alone: ground of any height, told by accelerations and legs."""
+"""The height filter alone, on ground of any height."""
 
 from __future__ import annotations
 
@@ -16,12 +16,12 @@ from surefoot.stabilizer.estimation.height import HeightFilter
 PERIOD_S, STEP_S = 0.002, 1e-3
 STROKE = (-0.08, 0.15)
 STANDS_M = 0.8
-"""Height of the point over the ground, which the robot keeps."""
+"""Height of the point above the ground, which the robot keeps [m]."""
 Ground = Callable[[float], float]
 
 
 def ramp(time_s: float, *, lift: float, speed: float = 0.3) -> float:
-    """Ground that goes up or down from the first second on, and stays there."""
+    """Return ground that rises or sinks from the first second on, and then stays."""
     end_s = abs(lift) / speed
     x = min(max((time_s - 1.0) / end_s, 0.0), 1.0)
     return lift * x * x * (3.0 - 2.0 * x)
@@ -40,7 +40,7 @@ def follow(
 ) -> tuple[Array, Array]:
     """Return true and estimated height of the ground, a row per tick.
 
-    The feet feel an acceleration that nothing else does.
+    ``by_feet`` is an acceleration that only the feet's forces show.
     """
     height = HeightFilter(EstimatorSettings(), stroke=stroke, period_s=PERIOD_S)
     rows = []

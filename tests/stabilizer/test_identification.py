@@ -1,4 +1,4 @@
-"""Drives of a standing robot, identified by small motions; their truth is known."""
+"""Drives of a standing robot with known parameters are identified."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ from tests.stabilizer.closed_loop import NOISE
 pytestmark = pytest.mark.closed_loop
 JOINT = "left_ankle_pitch"
 LAG_S, SPEED_SHARE, PLAY_RAD = 1.5e-3, 0.1, 3e-4
-"""What may be missed: half a tick and a little more, and a share of the speed."""
+"""Tolerances: 1.5 ticks of lag, a share of the speed limit, play."""
 
 
 def with_drives(robot: Robot, *, lag_s: float, speed: float) -> Robot:

@@ -1,4 +1,4 @@
-"""Inertia, its inverse and what the feet see of it."""
+"""The inertia matrix, its inverse, and the inertia that the feet see."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from tests.stabilizer.states import State, states_anywhere
 
 STATES = 20
 RELATIVE = 1e-9
-"""Against the largest entry: what inverting a 34 x 34 matrix costs in digits."""
+"""Relative to the largest entry; the rounding of inverting a 34 x 34 matrix."""
 
 
 @pytest.fixture
@@ -25,7 +25,7 @@ def dynamics(model: RobotModel) -> Dynamics:
 
 @pytest.fixture
 def visited(model: RobotModel, dynamics: Dynamics) -> Iterator[State]:
-    """Random states, each one already in ``dynamics`` when it is handed out."""
+    """Yield random states, for which ``dynamics`` has been updated."""
     states = states_anywhere(model, count=STATES, seed=2)
     return (enter(dynamics, state) for state in states)
 

@@ -1,4 +1,4 @@
-"""Jacobians and their drift against central differences of what they derive."""
+"""Jacobians and their drift, compared with central differences."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from tests.stabilizer.states import State, states_anywhere, stepped, unit
 
 STATES = 10
 STEP = 1e-5
-"""Of the differences: truncation and rounding are both near 1e-10 here."""
+"""Step of the differences; truncation and rounding are both near 1e-10."""
 TOLERANCE = 1e-7
 
 
@@ -41,7 +41,7 @@ def centre_of_mass(model: RobotModel, q: Array) -> Array:
 
 
 def sole_twist(model: RobotModel, state: State, *, side: int) -> Array:
-    """(6,) [linear; angular] in the sole frame."""
+    """Return (6,) [linear; angular] in the sole frame."""
     data = model.pin_model.createData()
     pin.forwardKinematics(model.pin_model, data, state.q, state.v)
     twist: Array = pin.getFrameVelocity(
@@ -58,7 +58,7 @@ def com_velocity(model: RobotModel, state: State) -> Array:
 
 
 def drift(model: RobotModel, state: State, of: Callable[[State], Array]) -> Array:
-    """Rate of a velocity while the robot coasts: all of v stays as it is."""
+    """Return the rate of a velocity while all of v stays constant."""
     ahead = State(stepped(model, state.q, along=STEP * state.v), state.v)
     behind = State(stepped(model, state.q, along=-STEP * state.v), state.v)
     rate: Array = (of(ahead) - of(behind)) / (2.0 * STEP)
@@ -68,7 +68,7 @@ def drift(model: RobotModel, state: State, of: Callable[[State], Array]) -> Arra
 def jacobian_of(
     model: RobotModel, state: State, way: Callable[[Array, Array], Array]
 ) -> Array:
-    """(rows, n_v) central differences of a way from one configuration to another."""
+    """Return (rows, n_v) central differences of a displacement."""
     columns = []
     for index in range(model.n_v):
         step = STEP * unit(model, index)
@@ -86,7 +86,7 @@ def test_sole_jacobian_is_the_derivative_of_the_placement(
         here = placement(model, state.q, side=side)
 
         def turn(q: Array, here: pin.SE3 = here) -> Array:
-            """In the sole's own axes: log of T_here_moved."""
+            """Return the rotation in the sole's own axes: log of T_here_moved."""
             log: Array = pin.log6(here.actInv(placement(model, q, side=side))).vector
             return log
 
@@ -160,7 +160,7 @@ FRAMES = pytest.mark.parametrize("name", ["left_hand", "right_foot", "head"])
 
 
 def frame_twist(model: RobotModel, state: State, *, name: str) -> Array:
-    """(6,) [velocity of the origin; angular velocity], world axes."""
+    """Return (6,) [velocity of the origin; angular velocity], world axes."""
     data = model.pin_model.createData()
     pin.forwardKinematics(model.pin_model, data, state.q, state.v)
     frame_id = model.pin_model.getFrameId(name)
@@ -177,7 +177,7 @@ def test_frame_jacobian_is_the_derivative_of_its_placement(
     frame_id, moved = model.frame_id(name), Dynamics(model)
 
     def placed(q: Array, R: Array) -> Array:
-        """Place, and turn about world axes: log of R_moved R^T."""
+        """Return place, and rotation about world axes: log of R_moved R^T."""
         moved.update(q, np.zeros(model.n_v))
         R_moved, p_moved = moved.frame_placement(frame_id)
         return np.concatenate((p_moved, pin.log3(R_moved @ R.T)))

@@ -1,4 +1,4 @@
-"""Slow robots, late readings and slow drives stand without hopping."""
+"""Robots with low rates, old readings or slow drives stand without hopping."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ pytestmark = pytest.mark.closed_loop
 
 HALF_WEIGHT_N = 345.0
 CALM = 1.15
-"""Largest force over half the weight of a robot that does not sway."""
+"""Largest force over half the weight of a robot that does not sway [1]."""
 NOISE: dict[str, Any] = {"force_noise_n": 2.0, "moment_noise_nm": 0.1}
 
 

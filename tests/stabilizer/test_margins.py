@@ -1,4 +1,4 @@
-"""Margins against what is known without the robot, and against the closed loop."""
+"""Margins against closed formulas, and against the simulated loop."""
 
 from __future__ import annotations
 

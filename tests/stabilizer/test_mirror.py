@@ -1,4 +1,4 @@
-"""The mirror used by the symmetry tests is one."""
+"""The mirror of the symmetry tests is a reflection."""
 
 from __future__ import annotations
 

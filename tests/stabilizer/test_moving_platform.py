@@ -1,4 +1,4 @@
-"""The real controller on a platform that heaves, rolls and pitches fast."""
+"""The controller on a platform that heaves, rolls and pitches fast."""
 
 from __future__ import annotations
 
@@ -22,10 +22,10 @@ DURATION_S = 2.5
 SHORT_S = 0.8
 COUNTED_FROM_S = 1.0
 RMS_M, MAX_M = 10e-3, 25e-3
-"""Horizontal bounds of the fast platform."""
+"""Bounds of the horizontal CoM error on the fast platform."""
 TRAVEL_M = 0.05
 SYMMETRY_RAD = 1e-8
-"""Rounding, and what it grows to through integration over the run."""
+"""Rounding, grown by integration over the run."""
 START_S = 0.4
 MOTION = [
     swing("z", 0.06, 0.96, start_s=START_S),

@@ -22,13 +22,13 @@ from tests.stabilizer.states import nominal_state
 PUSH = {"body": "torso", "force_n": [0.0, 90.0, 0.0], "start_s": 0.8}
 MOTION = swing("roll", 3.0, 0.7)
 LEAST_RANGE_RAD = 1e-12
-"""Of a locked joint in floating point."""
+"""Range of a locked joint in floating point."""
 SEEN_TICKS, SWAYS_N = 300, 10.0
-"""Of the normal force, in the end; sensors' noise is 2 N."""
+"""Last ticks of a run, and normal force variation there that counts as sway."""
 
 
 def limited(walker: Robot, names: tuple[str, ...], half_rad: float) -> Robot:
-    """The Walker with some joints that may move by half a range to either side."""
+    """Return the Walker with some joints limited to half a range to either side."""
     joints = [
         msgspec.structs.replace(
             joint,

@@ -1,4 +1,4 @@
-"""One observer for every controller, and an estimator of one's own inside it."""
+"""The observer with every controller, and with a custom estimator."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ from tests.stabilizer.standing_snapshot import airborne_snapshot
 PERIOD_S = 0.001
 CALIBRATION_TICKS = 20
 SETTINGS = build_settings({}, overrides=["estimator.calibration_s=0.0205"])
-"""Between two ticks, so that no rounding decides which is the last."""
+"""The calibration ends between two ticks, so that rounding does not matter."""
 SENSORS = ["q", "dq", "angular_velocity", "linear_acceleration", "ft_left", "ft_right"]
 CONTROLLERS = pytest.mark.parametrize("make", [WholeBodyController, ZmpController])
 EXACT_N = 1e-9
@@ -39,7 +39,7 @@ def make_observer(model: RobotModel, settings: ControllerSettings) -> Observer:
 
 @pytest.fixture
 def observer(model: RobotModel, snapshot: Snapshot) -> Observer:
-    """Started."""
+    """Return an observer that has started."""
     observer = make_observer(model, SETTINGS)
     observer.start(snapshot)
     return observer
@@ -71,7 +71,7 @@ def test_every_controller_sees_what_an_observer_alone_sees(
 
 
 class SureEstimator:
-    """Is sure to be somewhere, whatever the sensors say; notes what it is told."""
+    """An estimator that ignores the sensors; notes what it is told."""
 
     def __init__(self, model: RobotModel) -> None:
         self.q: Array = model.nominal_configuration()

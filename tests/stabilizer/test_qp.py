@@ -18,7 +18,7 @@ SAME_ANSWER = 1e-6
 SAME_COST = 1e-6
 SAME_MULTIPLIER = 1e-5
 TOUCH = 1e-7
-"""More than what an unconstrained minimum may violate, yet next to nothing."""
+"""More than an unconstrained minimum may violate, but tiny."""
 
 
 def random_spd(rng: np.random.Generator, n: int) -> Mat:
@@ -27,7 +27,7 @@ def random_spd(rng: np.random.Generator, n: int) -> Mat:
 
 
 def fill(qp: DenseQp, rng: np.random.Generator, *, room: float) -> None:
-    """A feasible problem: ``room`` from a random point to each of its limits."""
+    """Fill a feasible problem; ``room`` is a random point's distance to each limit."""
     inside = rng.normal(size=N)
     qp.P[:] = random_spd(rng, N)
     qp.q_lin[:] = 10.0 * rng.normal(size=N)
@@ -42,7 +42,7 @@ def cost(qp: DenseQp, x: Array) -> float:
 
 
 def with_solver(problem: DenseQp, solver: LeastDistanceSolver) -> DenseQp:
-    """The same problem for another solver."""
+    """Return the same problem for another solver."""
     m, n = problem.G.shape
     other = DenseQp(problem.name, n=n, m=m, solver=solver)
     for name in ARRAYS:
@@ -212,7 +212,7 @@ def test_a_solver_runs_only_where_limits_press(
 
 
 class Claim:
-    """Claims an answer of the test's choosing."""
+    """A solver that returns a given answer."""
 
     def __init__(self, x: list[float], z: float, z_box: list[float]) -> None:
         self._answer = SolverAnswer(
@@ -224,9 +224,9 @@ class Claim:
 
 
 def claimed(x: list[float], z: float, z_box: list[float]) -> QpSolution:
-    """Claim a solution of: the point next to (2, 3) with x_0 <= 1 and x_1 <= 2.
+    """Claim a solution of: the point nearest to (2, 3) with x_0 <= 1 and x_1 <= 2.
 
-    x_0 <= 1 is a row of G, x_1 <= 2 a bound; x_0 has no bounds, x_1 none below.
+    x_0 <= 1 is a row of G, x_1 <= 2 a bound. x_0 has no bounds, x_1 no lower one.
     """
     qp = DenseQp("point", n=2, m=1, solver=Claim(x, z, z_box))
     qp.q_lin[:] = [-2.0, -3.0]

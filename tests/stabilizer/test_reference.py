@@ -1,4 +1,4 @@
-"""What a planner asks for is what the controller holds on to."""
+"""The controller follows a planner's references."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ def yawed(position: list[float], yaw: float) -> FootReference:
 
 @pytest.fixture
 def reference(model: RobotModel) -> Reference:
-    """Everything differs from standing."""
+    """Return a reference in which everything differs from standing."""
     rng = np.random.default_rng(34)
     return msgspec.structs.replace(
         standing_reference(model),
@@ -125,7 +125,7 @@ def test_height_is_held_within_reach_of_the_feet(
 
 
 def at(model: RobotModel, stance: Stance, *, leans: float) -> Dynamics:
-    """A robot turned about its base, moving, and the stance compared with it."""
+    """Compare a turned, moving robot with the stance."""
     q, v = model.nominal_configuration().copy(), np.zeros(model.n_v)
     q[7:] += joint_offsets(model, hip_pitch=leans)
     q[3:7] = pin.Quaternion(pin.exp3(np.array([0.0, leans, 0.0]))).coeffs()

@@ -21,12 +21,12 @@ CHANGED = with_values(
     },
 )
 TICKS = 500
-"""Beyond the calibration and the fade-in, on ground that moves."""
+"""Longer than calibration and fade-in, on moving ground."""
 
 
 @pytest.fixture(scope="module")
 def run(walker: Robot) -> Run:
-    """With the default gains throughout."""
+    """Run with the default gains."""
     return run_closed_loop(walker, duration_s=TICKS * 1e-3, platform=ROLLING)
 
 

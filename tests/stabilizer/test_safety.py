@@ -1,4 +1,4 @@
-"""What the safety layer makes of healthy runs, of lost sensors and of a fall."""
+"""The safety layer with healthy runs, with lost sensors and after a fall."""
 
 from __future__ import annotations
 
@@ -67,7 +67,7 @@ HEALTHY: dict[str, dict[str, Any]] = {
 
 
 class Spy(WholeBodyController):
-    """Keeps what it was given last, and what it answered."""
+    """A controller that keeps its last input and its last answer."""
 
     def __init__(self, robot: Robot) -> None:
         super().__init__(robot, ControllerSettings())
@@ -81,7 +81,7 @@ class Spy(WholeBodyController):
 
 
 NOISELESS = ("standing", "ramp")
-"""Here sensors may repeat themselves to the bit, and leap the most from rest."""
+"""Runs in which sensors may repeat exactly and jump most from rest."""
 
 
 @pytest.mark.usual("ramp, no noise", "push", "drop")
@@ -262,7 +262,7 @@ def test_feet_without_load_for_a_second_are_a_fall(
 
 
 def leave(walker: Robot, leave_s: float) -> tuple[Safety, list[float]]:
-    """A controller in motion is asked to stop; the steps of its command from then."""
+    """Ask a moving controller to stop; return its command's steps from then on."""
     table = {"name": "test", "sensors": NOISE, **HEALTHY["slow"]}
     settings = ControllerSettings(safety=SafetySettings(leave_s=leave_s))
     scenario = scenario_from_table(table, source="test")

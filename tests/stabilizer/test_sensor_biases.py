@@ -1,4 +1,4 @@
-"""What sensors read too much is told from what the robot and its ground do."""
+"""Sensor biases are estimated from the motion of robot and ground."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from tests.stabilizer.kinematic_robot import KinematicRobot
 PERIOD_S = 0.005
 CALIBRATION_S = 0.3
 TILT_RAD, HEIGHT_M = 1e-3, 3e-3
-"""A millimetre and three at the centre of mass."""
+"""They mean one and three millimetres at the centre of mass."""
 ACCEL = [np.array(axes) for axes in ([0.3, 0.0, 0.0], [-0.2, 0.3, 0.1], [0, 0, -0.3])]
 GYRO = np.array([0.02, -0.02, 0.02])
 NO_BIAS = np.zeros(3)
@@ -29,7 +29,7 @@ Disturb = Callable[[Array], Array]
 
 @dataclass(frozen=True)
 class Readings:
-    """Of a motion, without errors, a row per tick."""
+    """Error-free readings along a motion, with a row per tick."""
 
     period_s: float
     rows: list[tuple[Snapshot, Array]]
@@ -43,7 +43,7 @@ def at_rest(model: RobotModel, *, duration_s: float) -> Readings:
 
 @pytest.fixture(scope="module")
 def heaving(model: RobotModel) -> Readings:
-    """A second of rest, then ground that goes up and down."""
+    """Return a second of rest, then ground that heaves."""
 
     def motion(time_s: float) -> Array:
         q = model.nominal_configuration().copy()
@@ -65,7 +65,7 @@ def follow(
     gyro: Array = NO_BIAS,
     disturb: Disturb = lambda wrenches: wrenches,
 ) -> Estimator:
-    """The estimator after a motion, calibrated at its beginning."""
+    """Return the estimator after a motion; it was calibrated at the start."""
     period_s = readings.period_s
     estimator = Estimator(model, EstimatorSettings(), period_s=period_s)
     for tick, (truth, felt) in enumerate(readings.rows):

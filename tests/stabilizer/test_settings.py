@@ -1,4 +1,4 @@
-"""Controller settings: defaults, a file's table, overrides, and mistakes."""
+"""Controller settings: defaults, files, overrides, and mistakes."""
 
 from __future__ import annotations
 

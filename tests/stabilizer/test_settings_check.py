@@ -1,4 +1,4 @@
-"""Settings that contradict each other are refused, with both named."""
+"""Settings that contradict each other are refused, and both are named."""
 
 from __future__ import annotations
 

@@ -24,7 +24,7 @@ def begin(ramp: SettingsRamp, value: float, *, tick: int = 7) -> None:
 
 
 def gains(ramp: SettingsRamp, ticks: int) -> list[float]:
-    """The gain in use at each of so many ticks."""
+    """Return the gain in use at each of a number of ticks."""
     found = []
     for _ in range(ticks):
         ramp.advance()

@@ -1,4 +1,4 @@
-"""Settings that a controller does not read are refused where they are given singly."""
+"""Single settings that the controller does not read are refused."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ OWN = "tests/surefoot/own_controllers.py"
 
 
 def _watch(monkeypatch: pytest.MonkeyPatch, seen: set[str]) -> None:
-    """Note each setting that is looked at from now on."""
+    """Note each setting that is read from now on."""
     for section in msgspec.structs.fields(ControllerSettings):
         keys = {field.name for field in msgspec.structs.fields(section.type)}
 

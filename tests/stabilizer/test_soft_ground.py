@@ -1,4 +1,4 @@
-"""Ground that gives way is told from ground that moves."""
+"""Soft ground is distinguished from moving ground."""
 
 from __future__ import annotations
 
@@ -25,19 +25,19 @@ def stand(
     seconds: float = 2.0,
     hz: float = 3.0,
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Both soles carry a force that swings, and moments that do.
+    """Estimate the ground's rate under soles whose forces and moments swing.
 
     Args:
         soft: judges the ground.
-        compliance: of the ground [m/N].
-        moves: largest speed and turn of the ground, at 0.6 Hz [m/s, rad/s].
-        held_by: change of the wrench per speed of the ground: a robot resists it
-            [N s/m].
-        seconds: how long.
-        hz: of the force's swing; moments swing 1.3 times as fast.
+        compliance: compliance of the ground [m/N].
+        moves: largest velocity and turning rate of the ground, at 0.6 Hz [m/s, rad/s].
+        held_by: change of the wrench per velocity of the ground, since a robot resists
+            it [N s/m].
+        seconds: duration [s].
+        hz: frequency of the force; moments swing 1.3 times as fast.
 
     Returns:
-        The ground's roll rate under the left sole as told, and as it is, in the second
+        Estimated and true roll rate of the ground under the left sole in the second
         half, each (n,) [rad/s].
     """
     noise = np.random.default_rng(3)

@@ -1,4 +1,4 @@
-"""The rows of a sole's limits let through what a sole can take, and no more."""
+"""The rows of a sole's limits allow exactly what a sole can transmit."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ CORNERS = SETTINGS.sole_scale * np.array(
 SAMPLES = 200
 ROUNDING = 1e-9
 CONE_ROWS = slice(0, 10)
-"""All but the two that bound the normal force."""
+"""All rows except the two that bound the normal force."""
 
 
 @pytest.fixture
@@ -30,12 +30,12 @@ def rows() -> Array:
 
 
 def excess(rows: Array, F: Array) -> float:
-    """Largest violation; negative inside."""
+    """Return the largest violation; negative inside."""
     return float((rows[CONE_ROWS] @ F).max())
 
 
 def wrench_of(forces: Array) -> Array:
-    """(6,) of a force at each of the four corners, (4, 3)."""
+    """Return (6,) the wrench of a force at each of the four corners, (4, 3)."""
     return np.concatenate((forces.sum(axis=0), np.cross(CORNERS, forces).sum(axis=0)))
 
 

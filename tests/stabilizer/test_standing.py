@@ -1,4 +1,4 @@
-"""The real controller on the real simulated robot, firm and level ground."""
+"""The controller on firm, level ground, in closed loop."""
 
 from __future__ import annotations
 
@@ -16,31 +16,31 @@ pytestmark = pytest.mark.closed_loop
 
 DURATION_S = 5.0
 UPRIGHT_FROM_S = 1.0
-"""By then the servos' sag at the start has been taken up."""
+"""Time after which the servos' sag at the start is compensated [s]."""
 DRIFT_M = 2e-3
 ESTIMATE_M = 3e-3
 WEIGHT_RELATIVE = 0.01
 WRENCH_N, WRENCH_NM = 0.25, 0.02
-"""Of wrenches averaged over 4 s: five times what is left of the sensors' noise."""
+"""Tolerances of 4 s means: five times the sensors' remaining noise."""
 NORMAL_ROWS = [2, 8]
 
 
 @pytest.fixture(scope="module")
 def run(walker: Robot) -> Run:
-    """Five seconds with the noise of the shipped scenarios."""
+    """Run five seconds with the noise of the shipped scenarios."""
     return run_closed_loop(walker, duration_s=DURATION_S)
 
 
 @pytest.fixture
 def com_over_soles(run: Run) -> Array:
-    """(n, 3) true centre of mass from the midpoint of the soles [m]."""
+    """Return (n, 3) the true CoM relative to the midpoint of the soles [m]."""
     over: Array = run.com_true - run.soles_true.mean(axis=1)
     return over
 
 
 @pytest.fixture
 def later(run: Run) -> slice:
-    """Which ticks count."""
+    """Return which ticks count."""
     return slice(int(np.searchsorted(run.time_s, UPRIGHT_FROM_S)), None)
 
 

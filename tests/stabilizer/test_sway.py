@@ -1,4 +1,4 @@
-"""Swaying with ground that tilts: how far, which way, and never off the soles."""
+"""Sway with tilting ground: size, direction, and the limit of the soles."""
 
 from __future__ import annotations
 
@@ -26,26 +26,28 @@ from surefoot.stabilizer.model import GRAVITY, RobotModel
 from tests.stabilizer.closed_loop import Run, run_closed_loop, swing
 
 DT = 1e-2
-"""Of a robot of 100 Hz, which is quick to test and no other matter."""
+"""Period of a robot of 100 Hz, which is faster to test [s]."""
 PEOPLE = SwaySettings(gain=3.0, frequency_hz=0.5, damping=0.5, upright_again_s=6.0)
 SMALL_RAD, STEEP_RAD = 2e-3, 0.15
 SLOW_HZ = 0.2
 SMALL_DEG, STEEP_DEG = 0.6, 8.0
 SHARE = 0.02
-"""By how much a response may differ from that of the continuous filter."""
+"""Relative difference from the continuous filter that is allowed [1]."""
 TRACKED_M = 3e-3
 LEAST_INSIDE = 0.75
-"""Of the way to the edge of the soles, where the centre of mass is at the worst: the
-reach, and what a robot that is 8 mm off its reference adds."""
+"""Bound of the CoM's distance from the middle, as a share of the half length [1].
+
+It covers the reach and a robot that is 8 mm off its reference.
+"""
 
 
 def soles_on(stance: Stance, tilt: Rotation, rate: Array) -> Any:
-    """Two soles on one tilted platform.
+    """Return two soles on one tilted platform.
 
     Args:
-        stance: where the feet are on level ground.
-        tilt: of the platform.
-        rate: its angular velocity, world [rad/s].
+        stance: places of the feet on level ground.
+        tilt: tilt of the platform [rad].
+        rate: its angular velocity, world axes [rad/s].
     """
     R = tilt.as_matrix()
     twist = np.concatenate((np.zeros(3), R.T @ rate))
@@ -57,7 +59,7 @@ def soles_on(stance: Stance, tilt: Rotation, rate: Array) -> Any:
 
 
 def turned_stance(model: RobotModel, yaw: float) -> Stance:
-    """Standing, with feet and base turned on the spot."""
+    """Return the stance with feet and base turned on the spot."""
     stance = standing(model)
     R = Rotation.from_euler("z", yaw).as_matrix()
     stance.p_sole = [R @ p for p in stance.p_sole]
@@ -78,8 +80,8 @@ def swaying(
     """Sway on a platform that swings.
 
     Returns:
-        Tilts (n,) [rad], and (n, 9) what is added to the reference's centre of mass,
-        its velocity and its acceleration, world axes.
+        Tilts (n,) [rad], and (n, 9) additions to the reference's CoM, its velocity and
+        its acceleration, world axes.
     """
     sway = Sway(settings, WalkSettings(), half_sizes=model.half_sizes, period_s=DT)
     stance = turned_stance(model, yaw)
@@ -106,7 +108,7 @@ def swaying(
 
 
 def response(tilts: Array, way: Array, hz: float) -> complex:
-    """What of the way goes with the tilt, in the last two periods."""
+    """Return the part of the sway in phase with the tilt, over the last two periods."""
     n = round(2.0 / hz / DT)
     turn = np.exp(-2j * np.pi * hz * DT * np.arange(n))
     ratio: complex = (way[-n:] @ turn) / (tilts[-n:] @ turn)
@@ -114,7 +116,7 @@ def response(tilts: Array, way: Array, hz: float) -> complex:
 
 
 def expected(settings: SwaySettings, hz: float) -> complex:
-    """Lean over tilt of the continuous filter, a tick later: that is what is asked."""
+    """Return lean over tilt of the continuous filter, one tick later."""
     s, omega = 2j * math.pi * hz, 2.0 * math.pi * settings.frequency_hz
     follows = 1.0 / (1.0 + 2.0 * settings.damping * s / omega + (s / omega) ** 2)
     forgets = settings.upright_again_s * s
@@ -262,7 +264,7 @@ def test_shipped_settings_change_nothing_but_the_sway() -> None:
 
 
 def tilting(axis: str, size_deg: float) -> dict[str, Any]:
-    """A scenario whose platform swings slowly, to both sides by a size."""
+    """Return a scenario whose platform swings slowly by a size to both sides."""
     motion = swing(axis, size_deg, SLOW_HZ, start_s=0.5)
     return {"duration_s": 6.0, "platform": [{"foot": "both", "motion": [motion]}]}
 
@@ -317,7 +319,7 @@ def swaying_robot(robot: Robot, scenario: dict[str, Any]) -> Run:
 
 
 def asked_lean(scenario: dict[str, Any], time_s: Array) -> Array:
-    """What the filter's own equations make of the true tilt, (n,) [rad]."""
+    """Return (n,) the lean of the filter's equations for the true tilt [rad]."""
     motion = convert(scenario["platform"][0]["motion"][0], SineMotion, source="test")
     law = motion_law(motion)
     omega = 2.0 * math.pi * PEOPLE.frequency_hz

@@ -1,4 +1,4 @@
-"""A new stabilizer takes over a robot that was left holding its posture."""
+"""A new stabilizer takes over a robot that holds its posture."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from tests.stabilizer.closed_loop import run_closed_loop, swing
 pytestmark = pytest.mark.closed_loop
 
 LEFT_ALONE_S = 0.45
-"""As long as it takes a new process to command; see the kill study."""
+"""Time that a new process takes to command [s]; see the kill study."""
 DURATION_S = 9.0
 LATE_S = 7.0
 NEAR_M = 0.01
@@ -26,11 +26,11 @@ MOTION = [
     swing("roll", 8.6, 0.175, start_s=1.0),
     swing("pitch", 8.6, 0.127, start_s=1.0),
 ]
-"""As on the slow platform: it leans by up to 12 deg when somebody takes over."""
+"""As on the slow platform; the robot leans by up to 12 deg at the takeover."""
 
 
 class Relieved:
-    """Balances, is gone for a while, and is replaced by another one."""
+    """A controller that balances, is gone for a while, and is replaced."""
 
     name = "relieved"
 

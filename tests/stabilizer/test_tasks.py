@@ -1,4 +1,4 @@
-"""A task of one's own, given to both QPs from outside the packages."""
+"""A custom task for both QPs, from outside the packages."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ def example() -> ModuleType:
 
 
 class HeadTask(SelectionTask):
-    """The first joint turns at a given rate, one number of v."""
+    """The first joint turns at a given rate; it selects one entry of v."""
 
     size = 1
     columns = slice(N_BASE_V, N_BASE_V + 1)
@@ -70,7 +70,7 @@ class HeadTask(SelectionTask):
 
 @pytest.fixture
 def extra_tasks(example: ModuleType, model: RobotModel) -> list[Task]:
-    """One with a Jacobian, one on v itself."""
+    """Return a task with a Jacobian, and one on v itself."""
     target = np.array([0.2, 0.3, 0.7])
     return [example.HandTask(model.frame_id("left_hand"), target), HeadTask()]
 
@@ -134,7 +134,7 @@ def test_selection_copies_what_its_jacobian_says(model: RobotModel) -> None:
 
 
 class Multiplied(Task):
-    """Another task, by its Jacobian and drift alone."""
+    """The same task, given by Jacobian and drift only."""
 
     def __init__(self, task: Task) -> None:
         self.size = task.size

@@ -24,7 +24,7 @@ def telemetry() -> ControllerTelemetry:
 
 
 def output(*, left_n: float = 0.0, right_n: float = 0.0) -> ControllerOutput:
-    """An answer whose measured normal forces differ from the wanted ones by so much."""
+    """Return an output whose measured normal forces differ from the desired ones."""
     wanted, measured = np.arange(12.0), np.arange(12.0)
     measured[2] += left_n
     measured[8] += right_n

@@ -1,4 +1,4 @@
-"""The first QP is solved, and it is the paper's problem."""
+"""The first QP's solution solves the problem of the paper."""
 
 from __future__ import annotations
 
@@ -20,21 +20,21 @@ from tests.stabilizer.uncondensed_tsid import solve_uncondensed
 STATES = 25
 KKT_TOLERANCE = 1e-6
 SAME_FORCE_N = float(np.sqrt(2.0 * DUALITY_GAP / TsidSettings().force_weight))
-"""How far a duality gap lets a wrench move that nothing but its own weight holds."""
+"""Change of a wrench that a duality gap allows if only its own weight acts."""
 BALANCE = 1e-7
-"""Of the equations of motion [N, N m] and of the feet at rest [m/s^2]."""
+"""Residual of the equations of motion [N, N m] and of feet at rest [m/s^2]."""
 
 
 @dataclass(frozen=True)
 class Spread:
-    """How far random states are from the stance [m, rad], and how fast."""
+    """Spread of random states around the stance [m, rad], and of speeds."""
 
     position: float
     speed: float
 
 
 CALM = Spread(position=0.005, speed=0.01)
-"""No limit is active: the unconstrained path."""
+"""No limit is active, so the unconstrained path is taken."""
 LIVELY = Spread(position=0.05, speed=0.2)
 WILD = Spread(position=0.15, speed=0.5)
 """Cones and torque limits are active nearly everywhere."""
@@ -58,7 +58,7 @@ def solutions(rig: Rig, spread: Spread, in_contact: list[bool]) -> Iterator[QpSo
 
 
 def standing_rows(in_contact: list[bool]) -> list[int]:
-    """Rows of the standing feet in stacked contact quantities."""
+    """Return the rows of the standing feet in stacked contact quantities."""
     return [row for row in range(12) if in_contact[row // 6]]
 
 

@@ -1,4 +1,4 @@
-"""Wrenches the first QP asks for: such as the ground can give."""
+"""The first QP asks only for wrenches that the ground can give."""
 
 from __future__ import annotations
 
@@ -15,16 +15,16 @@ from tests.stabilizer.states import nominal_state, states_near_stance
 
 STATES = 40
 SPREAD, SPEED = 0.15, 0.5
-"""Far enough from the stance for limits to be active nearly everywhere."""
+"""So far from the stance that limits are active nearly everywhere."""
 WITHIN = 1e-6
-"""What the interior point may be over a limit [N, N m]."""
+"""Violation that the interior point method may leave [N, N m]."""
 WEIGHT_RELATIVE = 1e-3
 NEWTON_N = 1e-6
 FEET = pytest.mark.parametrize("in_contact", CONTACT_SETS, ids=CONTACT_NAMES)
 
 
 def wrenches(rig: Rig, in_contact: list[bool]) -> Iterator[Array]:
-    """F_id (12,) on random states; the rig stays at each."""
+    """Yield F_id (12,) at random states; the rig stays at each."""
     for state in states_near_stance(
         rig.model, count=STATES, seed=10, spread=SPREAD, speed=SPEED
     ):
@@ -34,7 +34,7 @@ def wrenches(rig: Rig, in_contact: list[bool]) -> Iterator[Array]:
 
 
 def world_force(rig: Rig, F: Array) -> Vec3:
-    """(3,) sum of both feet's forces, world axes [N]."""
+    """Return (3,) the sum of both feet's forces in world axes [N]."""
     left, right = rig.dynamics.R_world_sole
     total: Vec3 = left @ F[:3] + right @ F[6:9]
     return total

@@ -1,4 +1,4 @@
-"""Ankle wrenches without ankle sensors, against the full model and the simulator."""
+"""Ankle wrenches without ankle sensors, compared with model and simulator."""
 
 from __future__ import annotations
 
@@ -31,13 +31,13 @@ PERIOD_S = 1e-3
 QUICK = VirtualForceTorque(cutoff_hz=150.0)
 SETTLED = 60
 MOST_SHARE = 0.02
-"""Of the largest force or moment: the observer's lag, and what the prior takes."""
+"""Error over the largest force or moment: lag of the observer and the prior."""
 MOST_FORCE_N, MOST_MOMENT_NM = 4.0, 0.6
 MOST_AT_REST_N = 1.0
 
 
 class Course:
-    """A robot whose base turns and shakes and whose joints swing, all analytically."""
+    """A robot whose base turns and shakes and whose joints swing, analytically."""
 
     def __init__(self, model: RobotModel, seed: int) -> None:
         self.model, self.pin = model, model.pin_model
@@ -52,7 +52,7 @@ class Course:
         self.q = model.nominal_configuration()
 
     def tick(self, k: int) -> tuple[Snapshot, Array]:
-        """The sensors at a tick, and the wrenches that the ankles feel."""
+        """Return the sensors at a tick, and the true wrenches at the ankles."""
         t = k * PERIOD_S
         v = self.size * np.sin(self.rate * t)
         a = self.size * self.rate * np.cos(self.rate * t)
@@ -94,7 +94,7 @@ class Course:
         return snapshot, np.concatenate([self._felt(i) for i in (0, 1)])
 
     def _felt(self, side: int) -> Array:
-        """What passes through the sensor: ground, less what moves the plate."""
+        """Return the wrench at the sensor: the ground's minus what moves the plate."""
         sensor_id = self.pin.getFrameId(self.model.robot.file.foot[side].ft_link)
         sensor = self.pin.frames[sensor_id]
         mount = sensor.parentFrame
@@ -184,7 +184,7 @@ def corrected(
     ticks: int = 600,
     lasts: tuple[int, int] = (0, 600),
 ) -> tuple[Array, bool]:
-    """Error of the left sensor in the end, and whether it was said to be off."""
+    """Return the left sensor's error at the end, and whether it was reported."""
     model = RobotModel(walker)
     course, offsets = Course(model, 0), ForceOffsets(model)
     for k in range(ticks):

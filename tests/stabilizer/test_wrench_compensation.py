@@ -1,4 +1,4 @@
-"""What the ground does to the sole, from what the ankle's sensor feels."""
+"""The ground's wrench at the sole, from the reading of the ankle's sensor."""
 
 from __future__ import annotations
 
@@ -32,9 +32,9 @@ def random_rotation(rng: np.random.Generator) -> Mat:
 def felt_by_the_sensor(
     model: RobotModel, F_ground: Vec6, *, R_world_sole: Mat, side: int
 ) -> Vec6:
-    """Newton and Euler for the plate at rest, about the sensor's origin.
+    """Return the sensor's wrench for a plate at rest, about the sensor's origin.
 
-    What the plate passes on to the ankle is what acts on it: ground and weight.
+    By Newton and Euler the plate passes on what acts on it: ground and weight.
     """
     T_sensor_sole, plate = model.T_sensor_sole[side], model.plates[side]
     R_world_sensor = R_world_sole @ T_sensor_sole.rotation.T
@@ -93,7 +93,7 @@ def test_one_foot_does_not_change_the_other(
 
 
 def links_below(urdf: ET.Element, top: str) -> dict[str, Array]:
-    """Links fixed below one, with the place of their frames in it (3,) [m]."""
+    """Return links fixed below a link, with their frames' places in it (3,) [m]."""
     below = {top: np.zeros(3)}
     for joint in urdf.findall("joint"):
         parent, child, origin = (

@@ -1,4 +1,4 @@
-"""How the soles should move, given what they feel."""
+"""The wrench law: sole twists for measured wrenches."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ from tests.stabilizer.states import nominal_state, states_near_stance
 STATES = 20
 SPREAD, SPEED = 0.1, 0.3
 ERROR = np.array([10.0, 10.0, 20.0, 2.0, 2.0, 1.0] * 2)
-"""Spread of the wrench error [N, N m]: the soles yield below their limits."""
+"""Spread of the wrench error [N, N m], at which soles stay below their limits."""
 TOLERANCE = 1e-12
 NORMAL_ROWS = (2, 8)
 FEET = pytest.mark.parametrize("in_contact", CONTACT_SETS, ids=CONTACT_NAMES)
@@ -31,7 +31,7 @@ LIFTED = pytest.mark.parametrize("side", [0, 1], ids=["left", "right"])
 
 
 def paper_law(rig: Rig, e_F: Array) -> Array:
-    """(12,) -Lambda_c^-1 K^-1 e_F, every part written out."""
+    """Return (12,) -Lambda_c^-1 K^-1 e_F, every part written out."""
     J_contact = rig.dynamics.J_contact
     H = rig.dynamics.inertia_matrix()
     Lambda_c_inv = J_contact @ np.linalg.solve(H, J_contact.T)
@@ -188,7 +188,7 @@ def test_drives_with_lag_yield_less_while_a_foot_does_not_stand_firmly(
 
 
 def standing(model: RobotModel) -> tuple[Rig, Array]:
-    """A robot at rest on both feet, and the wrenches it stands with."""
+    """Return a robot at rest on both feet, and the wrenches it stands with."""
     rig = Rig(model, PAPER)
     rig.go(nominal_state(model))
     load = np.zeros(12)

@@ -1,4 +1,4 @@
-"""A wrench is the same wrench in whatever frame it is written."""
+"""A wrench is the same in whatever frame it is written."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ def random_placement(rng: np.random.Generator) -> pin.SE3:
 
 
 def shift(T_a_b: pin.SE3) -> np.ndarray:
-    """(6, 6) from frame a to frame b."""
+    """Return (6, 6) from frame a to frame b."""
     return wrench_shift(T_a_b.rotation, T_a_b.translation)
 
 

@@ -1,4 +1,4 @@
-"""The sign of the whole law: who is pushed too hard gives way."""
+"""The sign of the whole law: a foot that is pushed too hard yields."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ SIDES = pytest.mark.parametrize("side", [0, 1], ids=["left", "right"])
 
 @pytest.fixture
 def standing(model: RobotModel) -> Rig:
-    """At rest in the nominal stance, F_id computed."""
+    """Return a rig at rest in the nominal stance, with F_id computed."""
     rig = Rig(model)
     rig.go(nominal_state(model))
     assert rig.solve_tsid().ok
@@ -29,7 +29,7 @@ def standing(model: RobotModel) -> Rig:
 
 
 def soles_answer(rig: Rig, e_F: Array) -> tuple[Array, Array]:
-    """Twists (12,) that the law asks of the soles, and that the DIK gives them."""
+    """Return (12,) twists that the law asks for, and those that the DIK gives."""
     law = make_law(rig.settings)
     F_id = rig.tsid.F_id
     r = answer(law, rig, F_id + e_F, F_id=F_id)
@@ -39,7 +39,7 @@ def soles_answer(rig: Rig, e_F: Array) -> tuple[Array, Array]:
 
 
 def at_point(twist: Array, point: Array) -> Array:
-    """(3,) velocity of a point of the sole, sole frame."""
+    """Return (3,) the velocity of a point of the sole, sole frame."""
     velocity: Array = twist[:3] + np.cross(twist[3:], point)
     return velocity
 

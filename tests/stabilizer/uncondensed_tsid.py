@@ -1,6 +1,6 @@
 """The first QP as the paper writes it, in (qdd, tau, F) with equalities.
 
-Written from the paper and the settings' words, apart from the controller's code.
+Written from the paper and the descriptions of the settings, not from our code.
 """
 
 from __future__ import annotations
@@ -19,12 +19,12 @@ from tests.stabilizer.rig import Rig
 TOLERANCE = 1e-11
 MAX_ITERATIONS = 200
 LARGEST, LEAST = 10, 11
-"""Cone rows of the largest and the least normal force."""
+"""Cone rows of the largest and the smallest normal force."""
 
 
 @dataclass(frozen=True)
 class Accelerations:
-    """(n_v,) [m/s^2, rad/s^2], (n_a,) [N m], (6 n_c,) [N, N m]."""
+    """Solution: (n_v,) [m/s^2, rad/s^2], (n_a,) [N m], (6 n_c,) [N, N m]."""
 
     qdd: Array
     tau: Array
@@ -45,7 +45,7 @@ class _Cost:
 
 
 def solve_uncondensed(rig: Rig, in_contact: list[bool]) -> Accelerations:
-    """Solve it at the rig's present state, with the rig's settings."""
+    """Solve the QP at the rig's present state, with the rig's settings."""
     feet = [side for side in (0, 1) if in_contact[side]]
     rows = [6 * side + row for side in feet for row in range(6)]
     n_v, n_a, n_c = rig.model.n_v, rig.model.n_a, len(rows)

@@ -1,4 +1,4 @@
-"""The real controller under the safety layer, on the simulated robot."""
+"""The controller under the safety layer, on the simulated robot."""
 
 from __future__ import annotations
 
@@ -16,17 +16,17 @@ from tests.stabilizer.closed_loop import DELAY, NOISE
 
 @dataclass(frozen=True)
 class WatchedRun:
-    """How a run went.
+    """The results of a run under the safety layer.
 
     Attributes:
-        log_sha256: fingerprint of all readings and commands.
-        fell: whether the robot did.
-        com_error_max_mm: (3,) largest error of the centre of mass [mm].
-        states: what the safety layer went through, each stay once.
-        end: why it gave up.
-        detail: its last word.
-        details: all it gave, each once, in order.
-        losses: sensors it lost.
+        log_sha256: digest of all readings and commands.
+        fell: whether the robot fell.
+        com_error_max_mm: (3,) largest error of the CoM [mm].
+        states: successive states of the safety layer.
+        end: reason for its end.
+        detail: its last detail.
+        details: the different details, in order.
+        losses: lost sensors.
     """
 
     log_sha256: str
@@ -46,7 +46,7 @@ def watched_run(
     safety_settings: SafetySettings | None = None,
     **scenario: Any,
 ) -> WatchedRun:
-    """Run a scenario; other keywords are its keys, noise and delay as shipped."""
+    """Run a scenario; other keywords are its keys; noise and delay as shipped."""
     table = {"name": "test", "sensors": NOISE, "delay": DELAY, **scenario}
     settings = ControllerSettings(safety=safety_settings or SafetySettings())
     sim = Simulation(

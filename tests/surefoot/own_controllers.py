@@ -1,4 +1,4 @@
-"""Controllers as a user writes them, outside of the packages."""
+"""Controllers as a user writes them, outside the packages."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ import numpy as np
 
 
 class Stay:
-    """Keeps the posture it began with: a bare array is an answer."""
+    """Keeps the posture it began with; answers by a bare array."""
 
     def start(self, snapshot: Any, q_command: np.ndarray) -> None:
         self.q = q_command.copy()
@@ -18,7 +18,7 @@ class Stay:
 
 
 class StayWithRobot(Stay):
-    """Takes the robot, leaves out the reference, and calls itself something."""
+    """Takes the robot, leaves out the reference, and has a name of its own."""
 
     name = "stay"
 
@@ -38,14 +38,14 @@ class StayWithSettings(Stay):
 
 
 class TooShort(Stay):
-    """Forgets a joint."""
+    """Answers with a joint too few."""
 
     def step(self, snapshot: Any, reference: Any = None) -> np.ndarray:
         return self.q[:-1]
 
 
 class Fails(Stay):
-    """After 0.1 s of motion it answers no numbers, in the array it always uses."""
+    """Answers NaN after 0.1 s of motion, in the array that it always uses."""
 
     ticks = 100
 
@@ -56,7 +56,7 @@ class Fails(Stay):
 
 
 class NoStep:
-    """Not a controller."""
+    """No controller, since it lacks a step."""
 
     def start(self, snapshot: Any, q_command: np.ndarray) -> None:
         """Do nothing."""

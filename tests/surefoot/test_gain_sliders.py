@@ -33,7 +33,7 @@ class Slider:
 
 @dataclass
 class Panel:
-    """What the sliders need of viser's panel."""
+    """The parts of viser's panel that the sliders use."""
 
     sliders: dict[str, Slider] = field(default_factory=dict)
 
@@ -49,7 +49,7 @@ class Panel:
 
 
 class Stabilizer:
-    """Does first what it is told to each time it is asked, then tells its values."""
+    """Calls a function at each request, then answers with its values."""
 
     def __init__(self, *first: Exception) -> None:
         self.asked = 0

@@ -1,6 +1,6 @@
-"""Every module has one name: what is loaded twice exists twice, classes and all.
+"""Every module has one name, since a module loaded twice has two copies of each class.
 
-The packages stand at the root and are linked into ``surefoot/``, so a module can be
+The packages are at the root and are linked into ``surefoot/``, so a module could be
 found under two names.
 """
 

@@ -1,4 +1,4 @@
-"""Faults of the bus in simulated time: the same run however busy the machine is."""
+"""Faults of the bus in simulated time give the same run on any machine."""
 
 from __future__ import annotations
 
@@ -29,19 +29,19 @@ TICKS = 300
 
 
 def run_plan(scenario: Path, *, controller: str = "whole-body") -> RunPlan:
-    """A run of a scenario in one process."""
+    """Run a scenario in one process."""
     return make_plan(str(scenario), controller=controller)
 
 
 def relayed(plan: RunPlan, faults: RelayPlan) -> Sides:
-    """The run, with the faults."""
+    """Run a scenario with the faults."""
     sim = RelayedSimulation.of_plan(replace(plan, relay=faults))
     sim.run(make_controller(plan.controller, plan.robot, plan.settings))
     return sim.sides()
 
 
 def shipped(name: str) -> RelayPlan:
-    """A shipped plan."""
+    """Return a shipped plan."""
     return load_relay_plan(find_plan(name))
 
 
@@ -77,7 +77,7 @@ def test_copies_are_refused_and_change_no_bit(
 
 
 def cut(channels: list[str], duration_s: float) -> RelayPlan:
-    """Nothing of these channels comes through from 0.1 s on, for so long."""
+    """Return a plan that cuts these channels from 0.1 s on for a duration."""
     fault = {"kind": "cut", "topics": channels, "start_s": 0.1}
     table = {"name": "cut", "fault": [{**fault, "duration_s": duration_s}]}
     return convert(table, RelayPlan, source="test")
@@ -136,7 +136,7 @@ def test_without_the_inertial_unit_the_stabilizer_holds_and_names_it(
 
 
 def late_commands(ms: float) -> RelayPlan:
-    """Every command comes later by so much."""
+    """Return a plan that delays every command."""
     fault = {"kind": "delay", "direction": "commands", "ms": ms}
     return convert({"name": "late", "fault": [fault]}, RelayPlan, source="test")
 

@@ -1,4 +1,4 @@
-"""The library: the same runs as from the command line, from Python."""
+"""The Python library gives the same runs as the command line."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A run that goes on and on takes no more memory, recorded or not."""
+"""The memory of a long run does not grow, recorded or not."""
 
 from __future__ import annotations
 
@@ -28,12 +28,12 @@ LONG = sf.Scenario(name="long", duration_s=3600.0)
 WARM_TICKS = 1500
 TICKS = 3000
 BYTES_PER_TICK = 4.0
-"""An object kept of each tick would take sixteen at least."""
+"""Limit; one object kept of each tick would take at least sixteen bytes."""
 RECORDED_BYTES_PER_TICK = 80.0
-"""What is on its way to the disk comes and goes, up to a megabyte."""
+"""Limit; data on their way to the disk vary by up to a megabyte."""
 BLOCKS_PER_TICK = 0.05
 CHUNKS, PER_CHUNK = 200, 4
-"""Of a record, and messages of 36 kB that fill one."""
+"""Chunks of a record, and messages of 36 kB in each."""
 
 needs_glibc = pytest.mark.skipif(
     sys.platform != "linux", reason="mallinfo2 is glibc's; memory is the same elsewhere"
@@ -41,7 +41,7 @@ needs_glibc = pytest.mark.skipif(
 
 
 class _MallInfo(ctypes.Structure):
-    """What glibc tells of its heap."""
+    """Statistics of glibc's heap."""
 
     _fields_ = tuple(
         (name, ctypes.c_size_t)
@@ -53,7 +53,7 @@ class _MallInfo(ctypes.Structure):
 
 
 def heap_bytes() -> int:
-    """What libraries have taken from the heap, and not given back."""
+    """Return the bytes that libraries hold on the heap."""
     libc = ctypes.CDLL("libc.so.6")
     libc.mallinfo2.restype = _MallInfo
     info = libc.mallinfo2()
@@ -113,7 +113,7 @@ def test_a_record_takes_the_same_memory_all_the_time(tmp_path: Path) -> None:
 def growth(
     controller: str, folder: Path | None, *, warm: int, ticks: int = TICKS
 ) -> tuple[float, float]:
-    """Bytes of the heap and objects of Python that stay, for each tick."""
+    """Return the growth of heap [bytes] and of Python objects per tick."""
     plan = make_plan(LONG, robot="walker", controller=controller)
     with sinks_to(folder) as sinks, quiet_interpreter():
         sim = sf.Simulation.of_plan(plan, sinks=sinks)

@@ -1,4 +1,4 @@
-"""Folders that commands fill: nothing of anybody else is touched, nothing is lost."""
+"""Output folders: foreign files are not touched, and no run is lost."""
 
 from __future__ import annotations
 
@@ -171,7 +171,7 @@ def test_what_a_killed_command_set_aside_is_brought_back(
 
 
 def set_aside(out: Path) -> None:
-    """A former run of which a killed command has moved all but the marker."""
+    """Leave a former run of which a killed command has moved all but the marker."""
     former_run(out)
     aside = out / ".former-x"
     aside.mkdir()

@@ -1,4 +1,4 @@
-"""What a run is called, by what both sides measured."""
+"""The outcome of a run, from the results of both sides."""
 
 from __future__ import annotations
 
@@ -166,7 +166,7 @@ def test_a_fall_after_the_stabilizer_gave_up_says_why_it_did() -> None:
 
 
 class Unsolved(HoldController):
-    """All QPs of all ticks fail."""
+    """A controller all of whose QPs fail in all ticks."""
 
     def step(
         self, snapshot: Snapshot, reference: Reference | None = None

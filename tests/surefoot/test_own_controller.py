@@ -1,4 +1,4 @@
-"""Controllers from outside, everywhere a controller is named."""
+"""Custom controllers, everywhere a controller is named."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ SCENARIO = sf.Scenario(name="own", duration_s=0.3)
 
 @pytest.fixture(scope="module")
 def held() -> str:
-    """Hash of the shipped controller that does the same."""
+    """Return the hash of the shipped controller that does the same."""
     run = sf.simulate("walker", SCENARIO, controller="hold")
     return run.result.log_sha256
 

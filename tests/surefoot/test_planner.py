@@ -1,4 +1,4 @@
-"""A planner goes on from wherever the feet are being set, and never in disorder."""
+"""A planner continues from the feet's present footholds, with increasing ids."""
 
 from __future__ import annotations
 
@@ -55,7 +55,7 @@ AHEAD, ASIDE, TURN = (
     (-0.1, -0.05, 0.0, 0.05, 0.1),
     (-20.0, -10.0, 0.0, 10.0, 20.0),
 )
-"""As far as the live page lets one go [m/s, deg/s]."""
+"""Values up to the limits of the live page [m/s, deg/s]."""
 
 
 @pytest.fixture
@@ -145,7 +145,7 @@ def robot_status(mode: RobotMode, cause: ModeCause) -> RobotStatus:
 
 
 class FakeClient:
-    """A bus on which nobody says anything new after some words."""
+    """A bus with some messages, after which nothing new comes."""
 
     def __init__(
         self,
@@ -183,7 +183,7 @@ def impatient(monkeypatch: pytest.MonkeyPatch) -> None:
 ESTOPPED = robot_status(RobotMode.FAULT, ModeCause.ESTOP)
 RUN_OVER = robot_status(RobotMode.OFF, ModeCause.RUN_OVER)
 OTHERS = [msgspec.structs.replace(STATUS, tick=tick) for tick in range(1000)]
-"""Of a walk by somebody else's plan."""
+"""Status messages of a walk by another planner's plan."""
 
 
 @pytest.mark.usefixtures("impatient")
@@ -244,7 +244,7 @@ def test_a_plan_from_before_the_first_word_may_be_refused(
     planner: VelocityPlanner,
 ) -> None:
     class Walked(FakeClient):
-        """Has walked, and says so once it hears a plan, which counts from 0."""
+        """A robot that has walked, and says so once it hears a plan from id 0."""
 
         def send(self, plan: WalkPlan) -> None:
             super().send(plan)
@@ -266,7 +266,7 @@ def test_a_plan_from_before_the_first_word_may_be_refused(
 
 
 def _refusals(paces: list[Pace]) -> list[str]:
-    """Walk a step at each pace, by a plan of its own, and say what is refused."""
+    """Walk a step at each pace, by a new plan each; return the refusals."""
     planner = VelocityPlanner(PACE, half_width=HALF_M)
     queue = StepQueue(WalkSettings(), half_width=HALF_M, nearest=NEAREST_M, soles=SOLES)
     feet = [Foothold(0.0, HALF_M, 0.0, 0.0), Foothold(0.0, -HALF_M, 0.0, 0.0)]

@@ -1,4 +1,4 @@
-"""A run on recorded ground keeps its record, and can be done again without the file."""
+"""A run on recorded ground keeps its record, and can be repeated without the file."""
 
 from __future__ import annotations
 

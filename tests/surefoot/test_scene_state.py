@@ -1,4 +1,4 @@
-"""What a scene shows before the robot has said anything, and of a walk."""
+"""The scene before the first message, and during a walk."""
 
 from __future__ import annotations
 

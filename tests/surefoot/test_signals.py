@@ -1,4 +1,4 @@
-"""Signals by name: the same in memory, files, exports and documentation."""
+"""Signals have the same names in memory, files, exports and documentation."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ TICK_COUNT = 500
 SEED = 3
 TIMING = "controller_ms"
 ALL = [signal.name for signal in SIGNALS if signal.name not in WALK_SIGNALS]
-"""Of a robot that only stands."""
+"""Signals of a robot that only stands."""
 
 
 @pytest.fixture(scope="module")
@@ -40,7 +40,7 @@ def memory() -> sf.Signals:
 
 @pytest.fixture(scope="module")
 def folders(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
-    """The same run, inline and over the bus."""
+    """Return folders of the same run, inline and over the bus."""
     made = {}
     for mode in ("inline", "lockstep"):
         made[mode] = tmp_path_factory.mktemp(mode) / "run"

@@ -1,4 +1,4 @@
-"""A walk from the live page: who presses stop is not walked on from behind a queue."""
+"""A walk from the live page does not begin after stop was pressed."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Offsets of the ankle sensors: measured on a live robot, stored, taken off."""
+"""Offsets of the ankle sensors: measured on a live robot, stored, subtracted."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ CLOSE = 1e-3
 
 @contextmanager
 def hanging(endpoints: Path, robot: Path) -> Iterator[None]:
-    """A robot on its left foot, served until the block ends."""
+    """Serve a robot on its left foot until the context is left."""
     words = [sys.executable, "-m", "tests.hanging_driver", endpoints, robot]
     driver = subprocess.Popen(words, env=environment(), cwd=REPOSITORY)
     try:

@@ -1,4 +1,4 @@
-"""Tools of the bus."""
+"""Runs the bus tools."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ Ask = Callable[..., subprocess.CompletedProcess[str]]
 
 @pytest.fixture
 def ask(surefoot_here: Surefoot, endpoints: Endpoints) -> Ask:
-    """Run a tool on the bus of ``endpoints``, which ends with the code."""
+    """Run a tool on the bus of ``endpoints``, and check its exit code."""
 
     def run(*words: object, code: int = 0) -> subprocess.CompletedProcess[str]:
         where = ("--connect", endpoints.connect[0], "--wait", PATIENCE_S)

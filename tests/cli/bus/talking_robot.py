@@ -1,4 +1,4 @@
-"""A bus on which a test says exactly what it wants to be heard."""
+"""A robot's side of a bus that publishes exactly what a test says."""
 
 from __future__ import annotations
 
@@ -18,11 +18,11 @@ from surefoot.schemas.messages import SCHEMA_VERSION, ForceTorque
 NAMESPACE = "walker"
 PERIOD_S = 0.002
 Say = Callable[[str, bytes], None]
-"""Key below the namespace, and bytes."""
+"""Publishes a payload on a key below the namespace."""
 
 
 def force_torque(tick: int, force: list[float] | None = None) -> bytes:
-    """A well-formed message of an ankle's sensor."""
+    """Return a valid message of an ankle's sensor."""
     return encode(
         ForceTorque(
             schema=SCHEMA_VERSION,
@@ -38,9 +38,9 @@ def force_torque(tick: int, force: list[float] | None = None) -> bytes:
 def talking_robot(
     endpoints: Endpoints, say_one: Callable[[int, Say], None]
 ) -> Iterator[None]:
-    """A robot's place on the bus; ``say_one`` is called with 0, 1, 2 and so on.
+    """Take a robot's place on the bus; calls ``say_one`` with 0, 1, 2 and so on.
 
-    What is said before somebody listens is lost, so what is said must repeat itself.
+    Messages before the first listener are lost, so what is said must repeat itself.
     """
     with Bus(endpoints, Role.ROBOT, namespace=NAMESPACE) as bus:
         stop = threading.Event()

@@ -10,7 +10,7 @@ SPAN = 10
 
 
 def say(count: int, tell: Say) -> None:
-    """Of ten ticks one is left out, one said twice, one said too late."""
+    """Publish ticks; one of ten is missing, one comes twice, one comes late."""
     span, at = divmod(count, SPAN)
     order = [0, 1, 2, 2, 4, 3, 5, 6, 7, 9]  # the 8 is missing
     tell("state/ft/left_ankle", force_torque(SPAN * span + order[at]))

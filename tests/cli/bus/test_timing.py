@@ -1,4 +1,4 @@
-"""Counts and times of a channel, from messages at known times."""
+"""Counts and times of a channel, for messages at known times."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ TOLERANCE = 1e-9
 def measure(
     *messages: tuple[int, int], every_tick: bool = True, has_delay: bool = True
 ) -> ChannelTiming:
-    """Times of messages (tick, receipt in ms), each stamped 2 ms before."""
+    """Return the timing of messages (tick, receipt in ms), each stamped 2 ms before."""
     meter = TimingMeter(
         "joints", every_tick=every_tick, window_s=1.0, has_delay=has_delay
     )

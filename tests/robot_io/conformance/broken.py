@@ -1,4 +1,4 @@
-"""Robots that do one thing wrong each, as processes of their own."""
+"""Robots with one fault each, as processes of their own."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ def feet_swapped(s: Snapshot, tick: int) -> Snapshot:
 
 
 def joints_swapped(s: Snapshot, tick: int) -> Snapshot:
-    """Left arm for right arm: both stand in the same posture."""
+    """Exchange left and right arm, which are in the same posture."""
     order = np.arange(s.q.size)
     order[8:15], order[21:28] = np.arange(21, 28), np.arange(8, 15)
     return replace(s, q=s.q[order], dq=s.dq[order], effort=s.effort[order])
@@ -86,7 +86,7 @@ def not_finite(s: Snapshot, tick: int) -> Snapshot:
 
 
 class NoWatchdog(CommandGate):
-    """Follows the last posture for ever, in ACTIVE."""
+    """Follows the last posture forever, in ACTIVE."""
 
     def _watch(self, silence_s: float) -> None:
         pass
@@ -96,7 +96,7 @@ class NoWatchdog(CommandGate):
 
 
 class NoLease(CommandGate):
-    """Does what anyone asks."""
+    """Obeys everyone."""
 
     def request(self, action: str, who: str, *, now_s: float) -> Answer:
         self.modes.lease.holder = who
@@ -104,14 +104,14 @@ class NoLease(CommandGate):
 
 
 class AcceptsNan(CommandGate):
-    """Does not look at the numbers."""
+    """Accepts NaN."""
 
     def _why_no_posture(self, q: list[float]) -> None:
         self._wanted[: len(q)] = q
 
 
 class AcceptsReplays(CommandGate):
-    """Takes the same command again and again."""
+    """Accepts the same command repeatedly."""
 
     def accept(
         self, command: JointCommand, *, tick: int, now_s: float
@@ -121,7 +121,7 @@ class AcceptsReplays(CommandGate):
 
 
 class GivesUsUp(CommandGate):
-    """Takes the commander for a computer that is too busy, once it wants a motion."""
+    """Goes to FAULT as if commands were late, once a motion is commanded."""
 
     has_given_up = False
 
@@ -135,7 +135,7 @@ class GivesUsUp(CommandGate):
 
 
 class IgnoresEstop(CommandGate):
-    """Says yes to the e-stop and goes on."""
+    """Confirms the e-stop and continues."""
 
     def __init__(self, *args: Any) -> None:
         super().__init__(*args)

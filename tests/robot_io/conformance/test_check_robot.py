@@ -1,4 +1,4 @@
-"""The conformance run tells a sound robot from broken ones, and says what is wrong."""
+"""The conformance run passes a sound robot, and names the fault of a broken one."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ SENSOR_FAULTS = [
     ((broken.stuck_imu,), {"imu.alive"}),
     ((broken.not_finite,), {"joints.format"}),
 ]
-"""Faults of different sensors, or of what is told of them, on one robot."""
+"""Pairs of faults on one robot that do not hide each other."""
 GATE_FAULTS = [
     (broken.NoWatchdog, "reactions", {"watchdog.hold", "watchdog.fault"}),
     (broken.NoLease, "", {"lease.second", "lease.mode"}),
@@ -60,7 +60,7 @@ def failures(
     gate: type[CommandGate] = CommandGate,
     period_factor: int = 1,
 ) -> set[str]:
-    """Names of what fails on such a robot."""
+    """Return the names of the checks that fail on such a robot."""
     with running(broken.broken_robot, endpoints, twists, gate, period_factor):
         report = check_conformance(
             judged_walker(),

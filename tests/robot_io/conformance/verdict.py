@@ -1,4 +1,4 @@
-"""What a conformance run must find of a sound robot, on however busy a machine."""
+"""The required verdict of a conformance run on a sound robot, on any machine."""
 
 from __future__ import annotations
 
@@ -6,11 +6,11 @@ import json
 import subprocess
 
 OF_THE_MACHINE = (".rate", ".jitter")
-"""What a machine that is busy with other tests may fail: a thousand ticks a second."""
+"""Checks that may fail on a busy machine, which cannot keep 1000 ticks a second."""
 
 
 def check_passes_but_for_time(done: subprocess.CompletedProcess[str]) -> None:
-    """Assert that all passed, and that verdict and exit code say what was found."""
+    """Check that all others passed, and that verdict and exit code agree."""
     report = json.loads(done.stdout)
     failed = [finding for finding in report["findings"] if not finding["passed"]]
     wrong = [f for f in failed if not f["name"].endswith(OF_THE_MACHINE)]

@@ -1,4 +1,4 @@
-"""What faults do to messages, without a bus and without a clock."""
+"""Effects of faults on messages, without a bus and without a clock."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ PERIOD_S = 1e-3
 EPSILON_S = 1e-9
 MANY = 2000
 SIGMAS = 5.0
-"""Shares of random events are held to so many standard deviations."""
+"""Standard deviations by which the share of random events may be off."""
 FAULTS = st.sampled_from(
     [
         {"kind": "drop", "probability": 0.3},
@@ -40,7 +40,7 @@ GAPS_S = st.lists(st.floats(0.0, 0.01), min_size=1, max_size=60)
 
 
 def lane(*faults: dict[str, Any], channel: str = "joints", seed: int = 0) -> Lane:
-    """A channel all of whose messages meet these faults."""
+    """Return a channel all of whose messages meet these faults."""
     table = {
         "name": "test",
         "fault": [{"topics": ["joints", "imu"], **fault} for fault in faults],
@@ -49,7 +49,7 @@ def lane(*faults: dict[str, Any], channel: str = "joints", seed: int = 0) -> Lan
 
 
 def passed(through: Lane, times_s: list[float]) -> list[list[Parcel]]:
-    """What becomes of messages 0, 1, 2, ... that come at these times."""
+    """Return the fate of messages 0, 1, 2, ... that arrive at these times."""
     return [
         through.pass_on(encode(message("joints", tick)), now_s=at, elapsed_s=at)
         for tick, at in enumerate(times_s)
@@ -57,17 +57,17 @@ def passed(through: Lane, times_s: list[float]) -> list[list[Parcel]]:
 
 
 def at_times(gaps_s: list[float]) -> list[float]:
-    """Times with these gaps between them."""
+    """Return times with these gaps between them."""
     return [sum(gaps_s[: index + 1]) for index in range(len(gaps_s))]
 
 
 def every_ms(count: int) -> list[float]:
-    """So many times, a millisecond apart."""
+    """Return times that are a millisecond apart."""
     return [tick * PERIOD_S for tick in range(count)]
 
 
 def ticks(groups: list[list[Parcel]]) -> list[int]:
-    """Numbers of the messages, in the order in which they leave."""
+    """Return the numbers of the messages in the order in which they leave."""
     leaving = sorted((p for group in groups for p in group), key=lambda p: p.at_s)
     return [decode(parcel.data, JointState).tick for parcel in leaving]
 

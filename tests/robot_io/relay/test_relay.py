@@ -1,4 +1,4 @@
-"""A real relay between a real server and a real client, over Zenoh on this host."""
+"""A relay between a real server and a real client, over Zenoh on this host."""
 
 from __future__ import annotations
 
@@ -27,16 +27,16 @@ from tests.support import PATIENCE_S, free_port, wait_until
 
 WALKER = load_robot("walker")
 WAIT_S = 0.2
-"""For what must not come."""
+"""Wait for messages that must not come [s]."""
 
 
 def plan(*faults: dict[str, Any]) -> RelayPlan:
-    """A plan with these faults."""
+    """Return a plan with these faults."""
     return convert({"name": "test", "fault": list(faults)}, RelayPlan, source="test")
 
 
 class Line:
-    """A robot, a relay, and where the stabilizer's side dials."""
+    """A robot, a relay, and the endpoints that the stabilizer's side dials."""
 
     def __init__(self, robot: ServedRobot, beyond: Endpoints) -> None:
         self.robot = robot
@@ -87,7 +87,7 @@ def line(endpoints: Endpoints, relay_plan: RelayPlan) -> Iterator[Line]:
 
 @contextmanager
 def commanding(made: Line, identity: str = "ann") -> Iterator[RobotClient]:
-    """A client beyond the relay that has taken command of the robot."""
+    """Return a client beyond the relay that has taken command of the robot."""
     with new_client(made.beyond, identity) as client:
         assert client.connect(timeout_s=PATIENCE_S)
         client.take_lease()
@@ -96,7 +96,7 @@ def commanding(made: Line, identity: str = "ann") -> Iterator[RobotClient]:
 
 
 def first_command(made: Line, client: RobotClient) -> None:
-    """Have the time of the plan begin."""
+    """Send the command at which the plan's time begins."""
     tick = made.robot.publish_tick()
     assert client.wait_snapshot(timeout_s=PATIENCE_S) is not None
     client.send(WALKER.nominal, tick=tick)
@@ -107,7 +107,7 @@ def first_command(made: Line, client: RobotClient) -> None:
 
 
 def accepted(made: Line) -> int:
-    """Sequence number of the last command that reached the robot."""
+    """Return the sequence number of the last command that reached the robot."""
     return made.robot.do(lambda server, gate: gate._sequence)
 
 

@@ -1,4 +1,4 @@
-"""What is due, and in which order."""
+"""The schedule returns messages when they are due, in the right order."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ QUICK = settings(deadline=None, max_examples=40)
 
 
 def drained(schedule: Schedule[int], now_s: float) -> list[int]:
-    """All that is due."""
+    """Return everything that is due."""
     taken = []
     while (item := schedule.take_due(now_s)) is not None:
         taken.append(item)

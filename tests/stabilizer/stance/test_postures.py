@@ -1,4 +1,4 @@
-"""Postures on two feet: their derivatives, their ground, and how far they reach."""
+"""Postures on two feet: derivatives, ground and reach."""
 
 from __future__ import annotations
 

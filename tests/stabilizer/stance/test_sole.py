@@ -1,4 +1,4 @@
-"""The rectangle a foot stands on: from its surface, whatever way that is drawn."""
+"""The rectangle of a sole is found from the foot's shape, however it is modelled."""
 
 from __future__ import annotations
 

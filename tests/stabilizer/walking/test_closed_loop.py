@@ -1,4 +1,4 @@
-"""The robot walks: it does not fall, keeps to its DCM and knows how far it came."""
+"""The robot walks without falling, follows its DCM, and knows its distance."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ def walk(
     settings: dict[str, Any] | None = None,
     **walk: Any,
 ) -> tuple[RunResult, WholeBodyController, Array]:
-    """Result, controller, and the soles at last, from where they stood at first."""
+    """Return result, controller, and the soles at the end relative to the start."""
     scenario = scenario_from_table(
         {
             "name": "walk",
@@ -50,7 +50,7 @@ def walk(
 
 
 def soles(sim: Simulation) -> Array:
-    """(2, 2) x and y of left and right sole, true [m]."""
+    """Return (2, 2) true x and y of left and right sole [m]."""
     return np.array((sim.truth.sole_left[:2], sim.truth.sole_right[:2]))
 
 

@@ -21,7 +21,7 @@ EXACT = 1e-9
 
 
 def some_phases(rng: np.random.Generator, *, count: int) -> list[ZmpPhase]:
-    """Phases one after the other, each beginning where the one before ends."""
+    """Return consecutive phases, each beginning where the last one ends."""
     points = [tuple(point) for point in rng.normal(size=(count + 1, 2))]
     durations = rng.uniform(0.1, 1.0, size=count)
     return [

@@ -1,4 +1,4 @@
-"""Each foot goes through its states, and only as what it feels allows."""
+"""Each foot changes its state only as its force allows."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ class Stand:
         )
 
     def feel(self, side: int, force: float, *, time_s: float, may: bool = True) -> int:
-        """That force at one foot for a while; returns how often it touched down."""
+        """Apply a force to one foot for a while; return how often it touched down."""
         touched = 0
         for _ in range(round(time_s / DT)):
             normals = (force, FIRM_N) if side == 0 else (FIRM_N, force)

@@ -1,4 +1,4 @@
-"""What ends a walk in order: no more steps, or an ankle sensor that is lost."""
+"""A walk ends in order: without more steps, or when an ankle sensor is lost."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from tests.stabilizer.closed_loop import NOISE
 pytestmark = pytest.mark.closed_loop
 WALK = {"velocity_m_s": 0.3, "start_s": 0.5, "step_s": 0.5, "double_s": 0.15}
 IN_THE_AIR_S = 1.5
-"""The left foot is on its way then."""
+"""A time at which the left foot is in the air [s]."""
 
 
 def begun(

@@ -1,4 +1,4 @@
-"""The ground that a swing foot is set on, and the height over it."""
+"""The expected ground of a swing foot, and the height over it."""
 
 from __future__ import annotations
 
@@ -24,13 +24,13 @@ CLOSE_RAD = 0.01
 def stand_on_one_foot(
     *, pressed_at: float, ticks: int = 300, left_turns: float = 1.0
 ) -> tuple[Any, Any]:
-    """A right sole that rolls under all of the weight, and the ground made of it.
+    """Roll the right sole under all of the weight; return ground and dynamics.
 
     Args:
         pressed_at: centre of pressure, from the sole's middle (0) to its edge (1).
-        ticks: how long.
-        left_turns: how the left sole turned while both stood, over how the right one
-            did.
+        ticks: duration.
+        left_turns: rotation of the left sole over that of the right one, while both
+            stood.
     """
     ground = ExpectedGround(WalkSettings(), half_sizes=HALF_SIZES, period_s=DT)
     dynamics: Any = SimpleNamespace(
@@ -122,7 +122,7 @@ def test_two_pressed_soles_are_believed_as_far_as_they_agree(
 def follow(
     heights: HeightReference, stance: Any, height: float, anchors: Anchors
 ) -> None:
-    """Go on for a tick, over ground of a height, between feet that both stand."""
+    """Continue by a tick over ground of a height between two standing feet."""
     ground = ExpectedGround(WalkSettings(), half_sizes=HALF_SIZES, period_s=DT)
     levels = [np.array([0.0, 0.0, level]) for level in anchors.level]
     dynamics: Any = SimpleNamespace(p_sole=levels)

@@ -1,4 +1,4 @@
-"""A step changes place and time so that place, time and DCM fit each other again."""
+"""A step changes place and time so that place, time and DCM fit again."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ SINGLE_S, DOUBLE_S, T = 0.6, 0.2, 0.2
 
 
 class Step:
-    """A step of a walk on the spot or ahead, at T in its single support."""
+    """A step on the spot or ahead, at a time T in its single support."""
 
     def __init__(
         self,
@@ -71,7 +71,7 @@ class Step:
         self.adjustment.begin(self.move, start=self.start, support=self.support)
 
     def push(self, ahead: float, left: float, *, least_s: float = 0.15) -> None:
-        """Have the DCM off by so much, in the axes of the support."""
+        """Put the DCM off by a vector in the axes of the support."""
         cos, sin = math.cos(self.support.yaw), math.sin(self.support.yaw)
         self.adjustment.update(
             (cos * ahead - sin * left, sin * ahead + cos * left),
@@ -84,7 +84,7 @@ class Step:
 
     @property
     def path(self) -> tuple[float, float]:
-        """Where the foot would be without a shift, odometry frame."""
+        """Return the foot's place without a shift, odometry frame."""
         part = min(self.gait.t / self.gait.duration_s, 1.0)
         place = self.move.place
         (x, y), (to_x, to_y) = self.start, (place.x, place.y)
@@ -92,19 +92,19 @@ class Step:
 
     @property
     def foot(self) -> tuple[float, float]:
-        """Where it is, odometry frame."""
+        """Return the foot's place, odometry frame."""
         (x, y), (by_x, by_y) = self.path, self.adjustment.shift
         return x + by_x, y + by_y
 
     @property
     def beside_support(self) -> tuple[float, float]:
-        """Where it is ahead of the standing foot, and to its own side."""
+        """Return the foot's place ahead of the standing foot, and to its own side."""
         ahead, left, _ = Foothold(*self.foot, 0.0, 0.0).seen_from(self.support)
         return ahead, left * self.own
 
     @property
     def shift(self) -> tuple[float, float]:
-        """In the axes of the support."""
+        """Return the shift in the axes of the support."""
         x, y = self.adjustment.shift
         cos, sin = math.cos(self.support.yaw), math.sin(self.support.yaw)
         return cos * x + sin * y, cos * y - sin * x

@@ -1,4 +1,4 @@
-"""The swing foot's path is smooth, ends at rest over its goal, and goes on down."""
+"""The swing path is smooth, ends at rest over its goal, and continues downward."""
 
 from __future__ import annotations
 

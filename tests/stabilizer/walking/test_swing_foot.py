@@ -1,4 +1,4 @@
-"""A foot that an edge keeps from going on goes back, higher, and on."""
+"""A foot that is caught by an edge goes back, higher, and on."""
 
 from __future__ import annotations
 

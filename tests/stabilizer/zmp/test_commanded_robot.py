@@ -32,7 +32,7 @@ def follow(
     com_offset: Array = STILL,
     q_measured: Array | None = None,
 ) -> None:
-    """Let it move; the measured joints are where they are commanded."""
+    """Let the robot move; measured joints equal the commanded ones."""
     com = robot.kinematics.p_com + com_offset
     for _ in range(ticks):
         solution = robot.solve(

@@ -32,7 +32,7 @@ def estimator(period_s: float = PERIOD_S, **settings: float) -> DcmBiasEstimator
 def watch_swaying(
     *, period_s: float, bias: Array, noise_m: float = 0.0, seconds: float = 20.0
 ) -> DcmBiasEstimator:
-    """Feed a DCM that a stabilizer brings back, with so much bias on top."""
+    """Feed a DCM that is brought back, with a bias added."""
     law = estimator(period_s)
     rng = np.random.default_rng(3)
     error = np.array([0.02, 0.01, 0.0])
@@ -119,7 +119,7 @@ def test_begins_anew_after_a_reset() -> None:
 
 
 def standing_offset(correction: Literal["off", "bias", "filter"]) -> float:
-    """Where a pendulum comes to rest [m] whose CoM is seen 12 mm ahead of the truth."""
+    """Return where a pendulum rests [m] whose CoM is seen 12 mm ahead of the truth."""
     height = GRAVITY / OMEGA**2
     pendulum = StandingPendulum(np.array([0.0, 0.0, height]), period_s=PERIOD_S)
     law = DcmFeedback(

@@ -1,4 +1,4 @@
-"""DCM feedback and the pendulum it refers to, against hand-computed numbers."""
+"""DCM feedback and its reference pendulum, against hand-computed numbers."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from surefoot.stabilizer.zmp.dcm_feedback import DcmFeedback, StandingPendulum
 
 PERIOD_S = 0.001
 HEIGHT = GRAVITY / 9.0
-"""Gives omega = 3 rad/s [m]."""
+"""Height at which omega is 3 rad/s [m]."""
 COM = np.array([0.0, 0.0, HEIGHT])
 STILL = np.zeros(3)
 GROUND = np.zeros(3)
@@ -27,7 +27,7 @@ def pendulum() -> StandingPendulum:
 
 
 def beside(x: float, y: float, z: float) -> Array:
-    """(3,) the reference's CoM and so much more."""
+    """Return (3,) the reference's CoM plus an offset."""
     return COM + np.array([x, y, z])
 
 

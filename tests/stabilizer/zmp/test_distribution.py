@@ -25,14 +25,14 @@ from tests.stabilizer.same_answer import assert_same_answer
 KKT = 1e-6
 IN_CONE = 1e-6
 FORCE_N = 0.2
-"""Of the net force: ankles and load share have a small say in it."""
+"""Error of the net force; ankles and load share have a small weight, too [N]."""
 SHIFT_M = np.array([100.0, -100.0, 100.0])
 SAMPLES = 30
 MIRROR = np.array([1.0, -1.0, 1.0, -1.0, 1.0, -1.0])
 
 
 class Case:
-    """Feet somewhere near the stance, and a desired net wrench."""
+    """Feet near the stance, and a desired net wrench."""
 
     def __init__(
         self, model: RobotModel, rng: np.random.Generator, push: float

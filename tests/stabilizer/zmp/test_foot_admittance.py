@@ -27,7 +27,7 @@ EXACT = 1e-12
 
 
 def foot(force: float = HALF_WEIGHT, x: float = 0.0, y: float = 0.0) -> Array:
-    """(6,) normal force with its centre of pressure at x, y."""
+    """Return (6,) a normal force with its centre of pressure at x, y."""
     return np.array([0.0, 0.0, force, y * force, -x * force, 0.0])
 
 

@@ -1,4 +1,4 @@
-"""The baseline on the real simulated robot: it stands, and takes pushes."""
+"""The baseline on the simulated robot stands and takes pushes."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from tests.stabilizer.closed_loop import Run, run_closed_loop
 IMPULSE_N_S, PUSH_S = 15.0, 0.1
 PUSHED_AT_S, RUN_S = 0.8, 2.8
 MOVED_M = 4e-3
-"""A push that does not move the robot so far was none."""
+"""Least motion of the robot that counts as a push [m]."""
 BACK_M = 4e-3
 STILL_M = 2e-3
 AWAY_S = 1.0
@@ -32,7 +32,7 @@ def preset(name: str) -> ControllerSettings:
 
 
 def com_error(model: RobotModel, run: Run) -> Array:
-    """(n, 2) horizontal, against the midpoint of the true soles [m]."""
+    """Return (n, 2) horizontal CoM relative to the midpoint of the soles [m]."""
     over = run.com_true - run.soles_true.mean(axis=1)
     error: Array = (over - standing(model).com)[:, :2]
     return error

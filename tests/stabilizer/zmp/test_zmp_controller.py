@@ -1,4 +1,4 @@
-"""The whole baseline, tick by tick: mirror image, failures, the air."""
+"""The whole baseline, tick by tick: mirror image, failures, feet in the air."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ PLATFORM = [{"foot": "both", "motion": MOTION}]
 
 @pytest.fixture
 def controller(walker: Robot, snapshot: Snapshot) -> ZmpController:
-    """Past its calibration, and moving."""
+    """Return a controller after its calibration, and moving."""
     controller = ZmpController(walker, SETTINGS)
     controller.start(snapshot, walker.nominal)
     assert statuses(controller, snapshot, ticks=WARM_TICKS) == {OK}

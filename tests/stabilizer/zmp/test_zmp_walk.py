@@ -1,4 +1,4 @@
-"""The ZMP baseline takes the steps of the same plans as the whole-body controller."""
+"""The ZMP baseline walks by the same plans as the whole-body controller."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""COMTEST on bodies whose sway is known, and on the robot."""
+"""COMTEST on bodies with a known sway, and on the robot."""
 
 from __future__ import annotations
 
@@ -31,13 +31,13 @@ from tests.command import Surefoot
 HEIGHT_M = 0.8
 ME = Under("hold", "ideal")
 SPEED = 10.0
-"""Of the ternary sequence: two seconds a cycle."""
+"""Speed of the ternary sequence, at which a cycle takes two seconds [1]."""
 PERSON_DEG = 2.0
-"""So small that three times as much lean keeps well inside the soles."""
+"""So small that three times this lean stays well inside the soles."""
 
 
 def truth(*, lean: float, axis: SwayAxis, ground: float) -> PlantTruth:
-    """A stick on a platform, its feet where the platform carries them."""
+    """Return the truth of a stick on a platform that carries its feet along."""
     turn = np.array([0.0, 0.0, 0.0])
     feet = np.array([0.3, 0.1, 0.0])
     if axis in ("x", "y"):
@@ -68,7 +68,7 @@ def truth(*, lean: float, axis: SwayAxis, ground: float) -> PlantTruth:
 
 
 def response_of(axis: SwayAxis, share: float) -> np.ndarray:
-    """Response of a stick whose lean is a share of the ground's angle."""
+    """Return the response of a stick whose lean is a share of the ground's angle."""
     stimulus = Stimulus("prts", axis, 8.0, speed=SPEED)
     cell = sway_cell(stimulus, ME, height_m=HEIGHT_M)
     law = motion_law(cell.scenario.platform[0].motion[0])

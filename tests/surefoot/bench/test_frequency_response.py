@@ -1,4 +1,4 @@
-"""Responses of systems whose answer is known."""
+"""Frequency responses of systems with a known answer."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ CYCLE_S, START_S, CYCLES = 4.0, 1.0, 3
 STEP_S = 0.002
 EXACT = 1e-6
 SAMPLED = 2e-3
-"""Values between samples are interpolated."""
+"""Tolerance, since values between samples are interpolated."""
 
 
 def sum_of(amplitudes: dict[int, complex], time_s: Array) -> Array:

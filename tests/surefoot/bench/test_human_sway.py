@@ -1,4 +1,4 @@
-"""The score against people: values known from the published data."""
+"""The score against people: known values of the published data."""
 
 from __future__ import annotations
 

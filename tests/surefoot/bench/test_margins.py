@@ -1,4 +1,4 @@
-"""Searches for margins, impedances and proportions, on what is known."""
+"""Searches for margins, impedances and proportions, on known systems."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Figures of steps whose course is known."""
+"""Figures of step responses with a known course."""
 
 from __future__ import annotations
 

@@ -24,7 +24,7 @@ def standing(folder: Path, duration_s: float, more: str = "") -> Path:
 
 
 def record_of(folder: Path, scenario: Path, *words: object) -> Path:
-    """Run a scenario on the bus and give its record."""
+    """Run a scenario on the bus; return its record."""
     out = folder / "run"
     done = run_surefoot("run", scenario, "--out", out, *words)
     assert done.returncode == 0, done.stderr
@@ -33,7 +33,7 @@ def record_of(folder: Path, scenario: Path, *words: object) -> Path:
 
 @pytest.fixture(scope="session")
 def record(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """The moving platform in lockstep, shortened; for tests that do not change it."""
+    """Return a record of the moving platform in lockstep, not to be changed."""
 
     def make(folder: Path) -> None:
         record_of(folder, cut_short("moving-platform-fast", folder, 1.0))
@@ -43,7 +43,7 @@ def record(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture
 def check(surefoot_here: Surefoot) -> Check:
-    """Replay through the controller: exit code and what was found."""
+    """Replay through the controller; return exit code and result."""
 
     def run(path: Path, *words: object) -> tuple[int, dict[str, Any]]:
         done = surefoot_here("replay", "--controller", path, "--json", *words)

@@ -1,4 +1,4 @@
-"""Records changed or read beside the code under test, with the MCAP project's own."""
+"""Changes and reads records by the MCAP project's library, without our code."""
 
 from __future__ import annotations
 
@@ -14,12 +14,12 @@ Change = Callable[[str, dict[str, Any]], dict[str, Any] | None]
 
 
 def rewritten(path: Path, out: Path, change: Change) -> Path:
-    """A copy of a record with other messages.
+    """Write a copy of a record with other messages.
 
     Args:
         path: the record.
         out: the copy.
-        change: gives what to write instead of a channel's message; None leaves it out.
+        change: returns the new message of a channel; None leaves it out.
     """
     with path.open("rb") as source, out.open("wb") as target:
         reader, writer = make_reader(source), Writer(target)

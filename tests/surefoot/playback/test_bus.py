@@ -1,4 +1,4 @@
-"""A record played on the bus, seen by real subscribers."""
+"""A record is played on the bus, for real subscribers."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ CHANNELS = (
 def playing(
     path: Path, endpoint_file: Path, *words: object
 ) -> Iterator[subprocess.Popen[str]]:
-    """``surefoot replay`` as a process."""
+    """Run ``surefoot replay`` as a process."""
     process = subprocess.Popen(
         command("replay", path, "--endpoints", endpoint_file, *words),
         env=environment(),
@@ -61,7 +61,7 @@ def playing(
 
 
 def watched(endpoints: Endpoints, channels: tuple[str, ...] = CHANNELS) -> list[Sample]:
-    """Everything said until the robot leaves, each channel in its order."""
+    """Return all messages until the robot leaves, each channel in order."""
     samples: list[Sample] = []
     with Observer(
         load_robot("walker"), endpoints=endpoints, channels=channels, depth=DEPTH

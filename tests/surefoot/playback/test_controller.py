@@ -1,4 +1,4 @@
-"""Recorded sensors through the controller again: the same commands, bit for bit."""
+"""Recorded sensors give the same commands again, bit for bit."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ def commands(path: Path) -> list[dict[str, Any]]:
 
 
 def answered(path: Path, ticks: int) -> int:
-    """Commands of a run in lockstep; the robot may be gone before the last comes."""
+    """Return the commands of a run in lockstep; the last one may be missing."""
     count = len(commands(path))
     assert ticks - 1 <= count <= ticks
     return count

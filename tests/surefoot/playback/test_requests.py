@@ -1,4 +1,4 @@
-"""Records of runs in which somebody asked for something, computed again."""
+"""Records of runs with requests (settings, holds, walks) are computed again."""
 
 from __future__ import annotations
 
@@ -33,9 +33,9 @@ from tests.surefoot.recording.mcap_reading import messages
 LONG = {"duration_s": 600.0, "sensors": {"force_noise_n": 2.0}}
 LATER_TICKS = 150
 WAITS = {"hold_after_s": 30.0, "lease_s": 60.0}
-"""Nobody here falls silent but to test something else."""
+"""Long silences are allowed; a busy machine must not end the run."""
 AS_RECORDED = [word for value in GENTLE for word in ("--set", value)]
-"""A recorder that nobody gave the settings cannot keep them."""
+"""The settings as options, since this recorder does not attach them."""
 
 
 def plant(path: str, endpoints: Endpoints, pace: Pace) -> Any:
@@ -51,7 +51,7 @@ def plant(path: str, endpoints: Endpoints, pace: Pace) -> Any:
 
 
 class Commanded(Onlooker):
-    """A robot that somebody commands."""
+    """A robot under command."""
 
     def mode(self, mode: RobotMode, commander: str) -> None:
         self.until(
@@ -66,7 +66,7 @@ class Commanded(Onlooker):
 
 @contextmanager
 def recorded(path: str, endpoints: Endpoints, out: Path) -> Iterator[Commanded]:
-    """A recorder and an onlooker of a robot; the robot must end inside."""
+    """Record and observe a robot, which must end inside the context."""
     log = out.with_suffix(".log")
     with log.open("w") as stderr:
         recorder = subprocess.Popen(
@@ -195,7 +195,7 @@ def test_walks_are_equal_whoever_planned_their_steps(
 
 
 def is_in(phase: str) -> Callable[[LatestMessages], object]:
-    """Whether a robot's walk is in a phase."""
+    """Return whether a robot's walk is in a phase."""
     return lambda sight: sight.walk_status and sight.walk_status.phase == phase
 
 

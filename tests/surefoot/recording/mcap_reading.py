@@ -26,7 +26,7 @@ class Received(NamedTuple):
 
 
 class Described(NamedTuple):
-    """What a record says of a channel."""
+    """Description of a channel in a record."""
 
     encoding: str
     schema: dict[str, Any]
@@ -56,7 +56,7 @@ def messages(path: Path) -> list[Received]:
 
 
 def messages_of_cut_off(path: Path) -> list[Received]:
-    """All that is whole in a file without an end."""
+    """Return all complete messages of a file without an end."""
     names: dict[int, str] = {}
     found: list[Received] = []
     with path.open("rb") as file:

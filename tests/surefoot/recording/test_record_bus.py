@@ -1,4 +1,4 @@
-"""What comes faster than it is written is lost in order, and told; never in memory."""
+"""Messages that come faster than they are written are lost, and counted so."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ BURSTS, MESSAGES = 6, 2000
 
 
 class Flood:
-    """An observer's place: a bus that says more at a time than may wait."""
+    """An observer that receives more messages at once than may wait."""
 
     robot_is_here = False
 

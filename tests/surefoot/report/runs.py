@@ -31,10 +31,10 @@ force_noise_n = 2.0
 
 
 def make_run(folder: Path, *words: str) -> Path:
-    """Run a short scenario over the bus unless told otherwise.
+    """Run a short scenario, by default over the bus.
 
     Args:
-        folder: gets scenario and run.
+        folder: where scenario and run are written.
         words: options of ``surefoot run``; the last one names the run.
     """
     scenario = folder / "heaving.toml"
@@ -46,7 +46,7 @@ def make_run(folder: Path, *words: str) -> Path:
 
 
 def shared_runs(folders: pytest.TempPathFactory) -> Path:
-    """Run ``bus``, ``inline`` and ``zmp`` of one scenario, for who only reads them."""
+    """Return runs ``bus``, ``inline`` and ``zmp`` of one scenario, only to be read."""
 
     def make(folder: Path) -> None:
         make_run(folder, "--set", "tsid.base_kp=120", "bus")
@@ -57,7 +57,7 @@ def shared_runs(folders: pytest.TempPathFactory) -> Path:
 
 
 def shared_page(folders: pytest.TempPathFactory) -> Path:
-    """The page about ``bus`` and ``zmp`` of these runs, for who only looks at it."""
+    """Return the page about ``bus`` and ``zmp`` of these runs, only to be read."""
 
     def make(folder: Path) -> None:
         runs, out = shared_runs(folders), folder / "page"

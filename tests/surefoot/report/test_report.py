@@ -1,4 +1,4 @@
-"""Pages about real runs."""
+"""Reports about real runs."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ from tests.surefoot.report.runs import make_report, shared_page, shared_runs
 MM = 1e3
 SAME_MM = 1e-6
 CALIBRATED_S = ControllerSettings().estimator.calibration_s
-"""Until then the estimate is of a few readings only."""
+"""Until this time the estimate uses only a few readings [s]."""
 
 
 @pytest.fixture(scope="module")
@@ -183,7 +183,7 @@ start_s = 0.5
 stop_s = 3.0
 """
 NEAR_M, AMONG_FEET_M = 0.02, 0.2
-"""A walk keeps the centre of mass so near to where it should be, and to the feet."""
+"""Bounds of the CoM in a walk, from its reference and from the feet [m]."""
 
 
 def test_where_a_walks_com_should_be_is_shown_where_the_robot_is(

@@ -1,4 +1,4 @@
-"""The Walker's URDF changed to what people have, and robots made of it."""
+"""The Walker's URDF, changed to forms that users have, and robots made of it."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ def joint(
     *,
     xyz: str = "0 0 0",
 ) -> ElementTree.Element:
-    """Add a joint with limits, and its child where there is none."""
+    """Add a joint with limits; its child link is added if missing."""
     if root.find(f"link[@name='{child}']") is None:
         ElementTree.SubElement(root, "link", name=child)
     made = ElementTree.SubElement(root, "joint", name=name, type=kind)
@@ -55,7 +55,7 @@ def weigh(link: ElementTree.Element, mass: float) -> None:
 
 
 def altered(name: str, tag: str = "", /, **attributes: str) -> Change:
-    """A joint, or what its element of that tag says, with other attributes."""
+    """Return a change of attributes of a joint, or of its element with a tag."""
 
     def change(root: ElementTree.Element) -> None:
         found = part(root, "joint", name).find(tag or ".")
@@ -66,7 +66,7 @@ def altered(name: str, tag: str = "", /, **attributes: str) -> Change:
 
 
 def both(*changes: Change) -> Change:
-    """One change after the other."""
+    """Return one change after the other."""
 
     def change(root: ElementTree.Element) -> None:
         for each in changes:
@@ -138,7 +138,7 @@ def in_millimetres(root: ElementTree.Element) -> None:
 
 
 def with_meshes_alone(root: ElementTree.Element) -> None:
-    """Feet of a mesh that is a picture, in a package; all other shapes are gone."""
+    """Give feet a visual mesh in a package, and remove all other shapes."""
     without_shapes(root)
     for side in SIDES:
         visual = ElementTree.SubElement(
@@ -186,11 +186,11 @@ with_one_knee_reversed = both(
     altered("right_knee", "axis", xyz="0 -1 0"),
     altered("right_knee", "limit", lower="-2.2672", upper="0.2622"),
 )
-"""As a mirrored drawing has it: the axis, and with it the range."""
+"""As in a mirrored drawing: the axis is reversed, and so is the range."""
 without_sensor_mounts = both(
     *(altered(f"{s}_ankle_ft_mount", name=f"{s}_foot_glue") for s in SIDES)
 )
-"""As most are drawn: nothing is named like a sensor, every foot is a left_foot."""
+"""As in most URDFs: no link is named like a sensor, and feet are ``left_foot``."""
 with_weak_knees = both(*(altered(f"{s}_knee", "limit", effort="40") for s in SIDES))
 
 
@@ -200,7 +200,7 @@ def without_knee_limit(root: ElementTree.Element) -> None:
 
 
 def with_halves_of_tags(root: ElementTree.Element) -> None:
-    """What Pinocchio's reader takes for broken, and nobody needs."""
+    """Add incomplete elements that Pinocchio refuses and nobody needs."""
     for moved in root.findall("joint"):
         ElementTree.SubElement(moved, "calibration", rising="low")
         ElementTree.SubElement(moved, "safety_controller", soft_lower_limit="-1")
@@ -224,7 +224,7 @@ def in_other_letters(root: ElementTree.Element) -> None:
 
 
 def with_soles_turned(root: ElementTree.Element) -> None:
-    """The box drawn along y, and turned by 90 deg about the vertical."""
+    """Draw the sole's box along y, turned by 90 deg about the vertical."""
     for side in SIDES:
         for shape in part(root, "link", f"{side}_foot_plate").findall("collision"):
             box = shape.find("geometry/box")
@@ -235,7 +235,7 @@ def with_soles_turned(root: ElementTree.Element) -> None:
 
 
 def with_meshes(**attributes: str) -> Change:
-    """As with meshes alone, but for what is said of them."""
+    """Like ``with_meshes_alone``, with another report."""
 
     def change(root: ElementTree.Element) -> None:
         with_meshes_alone(root)
@@ -246,7 +246,7 @@ def with_meshes(**attributes: str) -> Change:
 
 
 def with_a_skin(root: ElementTree.Element) -> None:
-    """Hundreds of frames without mass, as an artificial skin has them."""
+    """Add hundreds of frames without mass, as artificial skins have."""
     for place in range(300):
         parent = "torso" if place % 30 == 0 else f"skin_{place - 1}"
         joint(root, f"to_skin_{place}", "fixed", parent, f"skin_{place}")
@@ -269,13 +269,13 @@ def with_a_tool(kind: str) -> Change:
 
 
 def with_axes_of_zeros(root: ElementTree.Element) -> None:
-    """On all joints that are fixed, as an exporter of drawings writes them."""
+    """Set zero axes on all fixed joints, as a CAD exporter writes them."""
     for found in root.iterfind("joint[@type='fixed']"):
         ElementTree.SubElement(found, "axis", xyz="0 0 0")
 
 
 def rooted_at(height: str) -> Change:
-    """A frame without mass as the root, as on wheeled robots."""
+    """Add a frame without mass as the root, as on wheeled robots."""
 
     def change(root: ElementTree.Element) -> None:
         joint(root, "footprint", "fixed", "base_footprint", "torso", xyz=height)
@@ -285,7 +285,7 @@ def rooted_at(height: str) -> Change:
 
 
 def with_a_waist(root: ElementTree.Element) -> None:
-    """Below the base: both legs hang on it."""
+    """Add a joint below the base that carries both legs."""
     for side in SIDES:
         part(root, "joint", f"{side}_hip_yaw").find("parent").set("link", "pelvis")  # type: ignore[union-attr]
     joint(root, "waist", "revolute", "torso", "pelvis")

@@ -1,4 +1,4 @@
-"""URDFs as people have them: each becomes a robot that stands, or one clear line."""
+"""Unusual URDFs become a robot that stands, or are refused in one clear line."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ def check_posture(robot: NewRobot) -> None:
 def case(
     change: Change, told: str, **options: Any
 ) -> tuple[Change, NewRobotOptions, str]:
-    """A change, what new-robot is asked beside the soles, and what it tells of it."""
+    """Return a change, further options of new-robot, and words of its report."""
     return change, replace(FEET, **options), told
 
 

@@ -1,4 +1,4 @@
-"""Humanoids of other makers, from URDF to a standing robot by new-robot alone."""
+"""Humanoids of other makers: from URDF to a standing robot by new-robot alone."""
 
 from __future__ import annotations
 
@@ -18,12 +18,12 @@ from surefoot.stabilizer.stance.nominal import ONE_FOOT_SHARE, one_foot_share
 from tests.humanoids import make_humanoid
 
 LEVEL_M, LEVEL_RAD = 1e-4, 1e-3
-"""Nominal angles are written with four digits."""
+"""Tolerances, since nominal angles are written with four digits."""
 SHORT = Scenario(name="short", duration_s=0.8)
 
 
 def check_posture(model: RobotModel) -> None:
-    """Soles level and side by side, the CoM over their middle, sensors with mass."""
+    """Check level soles side by side, the CoM over their middle, sensors with mass."""
     dynamics = Dynamics(model)
     dynamics.update(model.nominal_configuration(), np.zeros(model.n_v))
     for sole_id in model.sole_ids:

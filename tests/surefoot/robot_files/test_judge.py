@@ -1,4 +1,4 @@
-"""Robot files, judged: numbers that can be checked, and a line for each mistake."""
+"""Checks of robot files: known figures, and a line for each mistake."""
 
 from __future__ import annotations
 

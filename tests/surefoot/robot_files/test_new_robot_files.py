@@ -1,4 +1,4 @@
-"""What new-robot writes: whole, its own, and free of where it was drawn."""
+"""The files of new-robot are whole, its own, and independent of the URDF's place."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Runs on a cluster are those of this machine, whatever becomes of a worker."""
+"""Runs on a cluster equal those of this machine, even if a worker is lost."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ SHORT = 'name = "short"\nduration_s = {}\n[sensors]\nforce_noise_n = 2.0\n'
 
 @contextmanager
 def process(log: Path, *words: str) -> Iterator[subprocess.Popen[bytes]]:
-    """One of Dask's processes, ended in the end."""
+    """Run one of Dask's processes until the context is left."""
     with (
         log.open("wb") as file,
         subprocess.Popen(
@@ -41,7 +41,7 @@ def process(log: Path, *words: str) -> Iterator[subprocess.Popen[bytes]]:
 
 @contextmanager
 def begun_scheduler(folder: Path) -> Iterator[tuple[str, subprocess.Popen[bytes]]]:
-    """A scheduler's address and process."""
+    """Start a scheduler; return its address and process."""
     port = free_port()
     words = ["--host", "127.0.0.1", "--port", str(port), "--no-dashboard"]
     log = folder / "scheduler.log"

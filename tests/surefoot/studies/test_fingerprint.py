@@ -1,4 +1,4 @@
-"""A finished run stands for a new one as long as nothing it depends on has changed."""
+"""A finished run is reused as long as nothing it depends on has changed."""
 
 from __future__ import annotations
 

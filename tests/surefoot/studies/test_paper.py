@@ -19,7 +19,7 @@ ABOUT = {"code": "0123456789abcdef"}
 
 
 def row(cell: Cell, *, fell: bool, com_mm: float, force_n: float) -> dict[str, Any]:
-    """A finished run, as the store has it."""
+    """Return a finished run as the store holds it."""
     group = cell.group
     return {
         "key": cell.key,
@@ -39,7 +39,7 @@ def row(cell: Cell, *, fell: bool, com_mm: float, force_n: float) -> dict[str, A
 
 
 def measured(*, zmp_falls: bool) -> list[dict[str, Any]]:
-    """Every case of the quick study: whole-body is ten times as good."""
+    """Return every case of the quick study, with whole-body ten times as good."""
     cells = d.cells_of(d.extent(quick=True, seeds=2))
     return [
         row(cell, fell=False, com_mm=1.0, force_n=10.0)

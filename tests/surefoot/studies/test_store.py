@@ -1,4 +1,4 @@
-"""Runs are kept, gone on with, and never mixed."""
+"""Runs are kept, continued, and never mixed."""
 
 from __future__ import annotations
 

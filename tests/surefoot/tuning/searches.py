@@ -1,4 +1,4 @@
-"""Searches that cost next to nothing: the robot only holds its posture."""
+"""Searches that take little time, since the robot only holds its posture."""
 
 from __future__ import annotations
 
@@ -9,19 +9,19 @@ from tests.surefoot import own_controllers
 
 STILL = 'name = "still"\nduration_s = 0.02\n'
 HOLDS = f"{Path(own_controllers.__file__).resolve()}:StayWithSettings"
-"""Is given settings, so that any may be searched, and holds its posture."""
+"""Accepts settings, so that any may be searched, and holds its posture."""
 PARAMS = {"tsid.com_kp": (10, 80), "dik.com_gain": (0.5, 8.0)}
 
 
 def still(folder: Path) -> Path:
-    """A scenario in which nothing happens, and soon."""
+    """Return a short scenario in which nothing happens."""
     path = folder / "still.toml"
     path.write_text(STILL)
     return path
 
 
 def spec_of(scenario: Path, *, sampler_seed: int = 0) -> Spec:
-    """A search on a scenario."""
+    """Return a search on a scenario."""
     return make_spec(
         [str(scenario)],
         PARAMS,

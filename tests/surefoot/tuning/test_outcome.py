@@ -1,4 +1,4 @@
-"""The front, the choice, and the words about them."""
+"""The Pareto front, the choice, and the words about them."""
 
 from __future__ import annotations
 

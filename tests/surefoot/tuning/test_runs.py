@@ -1,4 +1,4 @@
-"""Figures that only a search asks for are those of the benchmarks."""
+"""Figures that only a search asks for equal those of the benchmarks."""
 
 from __future__ import annotations
 

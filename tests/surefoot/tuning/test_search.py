@@ -1,4 +1,4 @@
-"""A search by real workers: killed, gone on with, and what it ends with."""
+"""Searches by real workers: killed, continued, and their results."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ from tests.surefoot.tuning.searches import HOLDS, PARAMS, spec_of, still
 
 
 def kill_workers(journal: Path, places: int, *, kills: int, seed: int) -> list[Path]:
-    """Kill workers of a search, one after another, each after another number of trials.
+    """Kill workers of a search one by one, after different numbers of trials.
 
     Returns:
         The lock file of each.
@@ -169,7 +169,7 @@ def test_search_ends_with_settings_page_and_words(tmp_path: Path) -> None:
 
 
 def evaluate_once(tuned: sf.Tuned, scenario: Path, *, seed: int) -> float:
-    """CoM error of the found settings, by the settings file's way of running."""
+    """Return the CoM error of a run with the settings file that was found."""
     (cell,) = tuned.spec.cells([str(scenario)], [seed])
     assert isinstance(cell, Cell)
     run = sf.simulate("walker", scenario, settings=tuned.settings, seed=seed)

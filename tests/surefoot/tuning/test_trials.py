@@ -1,4 +1,4 @@
-"""Whatever happens to a process, each place is finished once, and stays."""
+"""Each trial is finished once and kept, whatever happens to a process."""
 
 from __future__ import annotations
 
@@ -46,8 +46,10 @@ FINISHES = f"""    import os, random, signal, threading, time
         if left == 0:
             threading.Thread(target=end).start()
 """
-"""Does all that are left, with nothing to be done in each, and is killed at some moment
-after so many: by itself, so that a busy machine does not let it go on."""
+"""A process that finishes all trials left, and kills itself at a random moment.
+
+Trials are empty. It kills itself so that this does not depend on the machine's speed.
+"""
 
 
 @pytest.fixture
@@ -60,7 +62,7 @@ def begun(journal: Path) -> Trials:
 
 
 def finish(trials: Trials, count: int = 3) -> dict[int, dict[str, float]]:
-    """Do what is left of so many; returns values by place."""
+    """Finish what is left of a number of trials; return values by place."""
     with trials.worker() as name:
         while (claimed := trials.claim(name, count=count)) is not None:
             trial, _ = claimed
