@@ -122,8 +122,9 @@ def nearest(name: str, known: Iterable[str]) -> str:
     Returns:
         ``; did you mean 'standing'?`` when a known name is near, otherwise "".
     """
-    near = difflib.get_close_matches(name, list(known), n=1)
-    return f"; did you mean {near[0]!r}?" if near else ""
+    by_letters = {other.lower(): other for other in known}
+    near = difflib.get_close_matches(name.lower(), by_letters, n=1)
+    return f"; did you mean {by_letters[near[0]]!r}?" if near else ""
 
 
 def nearest_or_all(name: str, known: Iterable[str]) -> str:
@@ -342,9 +343,8 @@ def _reworded(text: str, path: str, raw: Any, kind: type[msgspec.Struct]) -> str
     expected = _EXPECTED.match(text)
     if expected is None:
         return text
-    what = " or ".join(
-        _WORDS.get(name.strip(), name.strip()) for name in expected[1].split("|")
-    )
+    names = [name.strip() for name in expected[1].split("|")]
+    what = " or ".join(_WORDS.get(name, name) for name in names if name != "null")
     if expected[1].startswith("array") and isinstance(got, dict):
         what = f"a list of tables: write [[{path}]]"
     elif expected[1].startswith("array") and items_of(path, kind):

@@ -85,6 +85,8 @@ class Servos:
 
 
 _LOG = logging.getLogger("surefoot.sim")
+SUNK_M = 0.5
+"""Soles that went down so far on still ground: more than soft ground gives."""
 
 
 class Plant:
@@ -287,12 +289,20 @@ class Plant:
         if world.start is not world.nominal:
             self._place(world.start)
         fallen = FallDetector(self.view)
+        before = self._sole_height()
         for _ in range(round(self._settle_s / SIM_STEP_S)):
             self._simulate(self.posture, end_s=0.0)
         data.time = 0.0
         if fallen.check():
             raise self._lies(fallen.diagnose().detail)
+        sunk = before - self._sole_height()
+        if sunk > SUNK_M:  # upright all the same: nothing else shows it
+            raise self._lies(f"the soles sank by {sunk:.1f} m, nothing carries them")
         return reference
+
+    def _sole_height(self) -> float:
+        _, left, right, *_ = self.view.heights()
+        return 0.5 * (left + right)
 
     def _place(self, stance: Stance) -> None:
         data, world = self.data, self.world
@@ -308,5 +318,5 @@ class Plant:
             f"{self._name}: does not stand in its {which} posture: {why}; expected it "
             f"to stand still for {self._settle_s:g} s before the run: correct the "
             "joints' `nominal` in the robot file, or the scenario's [start], "
-            "[model_error], [[payload]] and the [[tile]] under its feet"
+            "[model_error], [[payload]] and the [[tile]] or [[platform]] under its feet"
         )

@@ -97,7 +97,8 @@ class Pushes:
         """Look up the bodies.
 
         Raises:
-            ScenarioError: a body does not exist or has no mass.
+            ScenarioError: a body does not exist or has no mass, or a push is shorter
+                than a step of the simulation.
         """
         self._windows: list[tuple[int, int, int, Vec3]] = []
         self._bodies: list[int] = []
@@ -108,6 +109,12 @@ class Pushes:
             body = world.base_body
             if push.body is not None:
                 body = _find(push.body, valid, key=f"push[{index}].body")
+            if push.duration_s < SIM_STEP_S:
+                raise ScenarioError(
+                    f"push[{index}].duration_s: got {push.duration_s:g} s, expected "
+                    f"{SIM_STEP_S:g} s or more, a step of the simulation",
+                    field=f"push[{index}].duration_s",
+                )
             force = capture.force(push)
             self._windows.append((first, last, body, force))
             self._bodies.append(body)

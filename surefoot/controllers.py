@@ -6,6 +6,7 @@ Notebooks call the public functions; the command line prints the two notices.
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -15,7 +16,9 @@ from surefoot.robot_io.robot_side.driver import VendorAdapter, run_driver
 from surefoot.run_plan import RunPlan, Settings, resolve_robot, resolve_settings
 from surefoot.schemas.arrays import MS_PER_S
 from surefoot.schemas.endpoints import Endpoints, load_endpoints
-from surefoot.schemas.scenario_robot import Delay
+from surefoot.schemas.motions import Motion
+from surefoot.schemas.scenario import Push, Scenario, SensorFault
+from surefoot.schemas.scenario_robot import Delay, Payload, Rod
 from surefoot.stabilizer import factory
 from surefoot.stabilizer.control.controller import Controller
 
@@ -194,6 +197,30 @@ def walk_notice(plan: RunPlan) -> str:
             "(duration_s)"
         )
     return ""
+
+
+def late_notice(scenario: Scenario) -> str:
+    """Return what of a scenario begins after its end, so never; "" if nothing does."""
+    parts: dict[str, Sequence[Push | Rod | Payload | SensorFault | Motion]] = {
+        "push": scenario.push,
+        "rod": scenario.rod,
+        "payload": scenario.payload,
+        "fault": scenario.fault,
+    }
+    for index, platform in enumerate(scenario.platform):
+        parts[f"platform[{index}].motion"] = platform.motion
+    late = [
+        f"{name}[{index}] ({part.start_s:g} s)"
+        for name, some in parts.items()
+        for index, part in enumerate(some)
+        if part.start_s >= scenario.duration_s
+    ]
+    if not late:
+        return ""
+    return (
+        f"the run ends at {scenario.duration_s:g} s (duration_s), before this begins: "
+        f"{', '.join(late)}; start it earlier, or run longer"
+    )
 
 
 def _borne_ms(plan: RunPlan) -> float:

@@ -28,13 +28,18 @@
     return {
       autosize: true,
       height: 240 + LEGEND_ROW * Math.max(0, Math.ceil(panel.curves.length / 2) - 1),
-      margin: { l: 66, r: 10, t: 8, b: 40 },
+      margin: { l: 66, r: 34, t: 8, b: 40 }, // buttons stand to the right of the curves
       paper_bgcolor: "rgba(0,0,0,0)",
       plot_bgcolor: "rgba(0,0,0,0)",
       font: { family: "system-ui, sans-serif", size: 12, color: ink("--ink") },
       legend: { orientation: "h", x: 0, y: 1.0, yanchor: "bottom", font: { size: 10 } },
       showlegend: true,
-      modebar: { bgcolor: ink("--page"), color: ink("--soft"), activecolor: ink("--ink") },
+      modebar: {
+        orientation: "v",
+        bgcolor: ink("--page"),
+        color: ink("--soft"),
+        activecolor: ink("--ink"),
+      },
       hovermode: "x unified",
       hoverlabel: { bgcolor: ink("--page"), font: { color: ink("--ink") } },
       dragmode: "zoom",

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import re
+import shlex
 import xml.etree.ElementTree as ElementTree
 from collections.abc import Sequence
 
@@ -58,8 +59,8 @@ def choose_joints(
         legs_only: fix all joints outside the legs.
 
     Raises:
-        RobotFileError: a leg has a joint without a drive of its own, or a pattern fits
-            no joint.
+        RobotFileError: a leg has a joint without a drive of its own, a pattern fits no
+            joint, or a joint to keep has no drive of its own.
     """
     legs = {j.get("name", "") for sole in soles for j in draft.chain(sole)}
     for pattern in (*fix, *keep):
@@ -86,6 +87,13 @@ def choose_joints(
             why = "as asked"
         elif kept and why not in (None, _FOLLOWS, _ENDLESS):
             why = None
+        elif name in keep:  # one that a pattern with * fits is fixed, and told
+            if why is not None:
+                raise RobotFileError(
+                    f"{draft.path}: joint {name!r} cannot be kept: {_of_one(why)}; "
+                    "a joint needs limits and its own drive: change the URDF, or leave "
+                    f"out --keep {shlex.quote(name)}"
+                )
         elif why is None and name in shared and not kept:
             why = _SHARED
         if why is None:
@@ -94,7 +102,7 @@ def choose_joints(
             raise RobotFileError(
                 f"{draft.path}: joint {name!r} of a leg: {_of_one(why)}; a leg's "
                 "joints must be revolute, with limits, each with its drive; or fix it: "
-                f"--fix {name}"
+                f"--fix {shlex.quote(name)}"
             )
         reasons.setdefault(why, []).append(name)
     for why, names in reasons.items():

@@ -355,9 +355,10 @@ def _note_posture(draft: Draft, nominal: NominalPosture) -> None:
     if -sink < 0.9 * asked_sink or rise < 0.9 * asked_rise:
         draft.note(
             "left to you",
-            f"that is less than asked for, {1e3 * asked_sink:.0f} and "
-            f"{1e3 * asked_rise:.0f} mm: joint ranges, or what a knee can carry, "
-            "end before; see check-robot-file",
+            f"it sinks by {-1e3 * sink:.0f} and rises by {1e3 * rise:.0f} mm, and was "
+            f"to do so by {1e3 * asked_sink:.0f} and {1e3 * asked_rise:.0f} mm (a "
+            "share of the leg, or --sink and --rise): joint ranges, or what a knee can "
+            "carry, end before; see check-robot-file",
         )
 
 

@@ -85,6 +85,24 @@ def test_every_plot_is_drawn_when_it_comes_into_view(plots: Any) -> None:
         assert min(lengths) > 0.0
 
 
+def test_no_button_of_a_plot_covers_its_legend_or_its_curves(plots: Any) -> None:
+    panel = plots.locator("[data-panel]").first
+    panel.scroll_into_view_if_needed()
+    wait_until(partial(panel.get_attribute, "data-drawn"), what="the first plot")
+    covered = plots.evaluate(
+        """() => [...document.querySelectorAll('[data-drawn]')].flatMap(panel => {
+          const buttons = panel.querySelector('.modebar').getBoundingClientRect();
+          const meets = (other) =>
+            other.left < buttons.right && other.right > buttons.left &&
+            other.top < buttons.bottom && other.bottom > buttons.top;
+          return [...panel.querySelectorAll('.legendtext, .plot')]
+            .filter(part => meets(part.getBoundingClientRect()))
+            .map(part => `${panel.dataset.panel}: ${part.textContent}`);
+        })"""
+    )
+    assert covered == []
+
+
 def test_all_time_axes_follow_a_zoom(plots: Any) -> None:
     plots.evaluate(
         "Plotly.relayout(document.querySelector('[data-panel=com_x]'),"

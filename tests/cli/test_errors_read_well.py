@@ -89,6 +89,12 @@ def complaint(done: subprocess.CompletedProcess[str], code: int) -> str:
         (TILT.replace("[[platform]]", "[[platform"), ["not valid TOML", "line 3"]),
         (PUSH, ["push[0].body: got 'torsoo'", "did you mean 'torso'?"]),
         (
+            PUSH.replace("torsoo", "torso").replace(
+                "duration_s = 0.1", "duration_s = 0.0001"
+            ),
+            ["push[0].duration_s: got 0.0001 s, expected 0.001 s or more"],
+        ),
+        (
             'name = "x"\nduration_s = 0.3\n[delay]\nsensor_ms = 1.5\n',
             ["delay.sensor_ms: got 1.5 ms, expected a whole multiple of 1 ms"],
         ),

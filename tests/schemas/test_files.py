@@ -110,6 +110,7 @@ def test_name_and_duration_are_enough(scenario_file: Path) -> None:
             HEAD + "[[push]]\nbody = 'torso'\nforce_n = 'far'",
             "push[0].force_n: got 'far', expected a list of 3 numbers",
         ),
+        (HEAD + "FRICTION = 0.5", "FRICTION: no such key; did you mean 'friction'?"),
         (HEAD + f"[sensors]\nforce_noise_n = {10**15}", "at most 1e+12"),
     ],
 )
@@ -117,6 +118,11 @@ def test_a_refusal_says_what_was_expected(
     scenario_file: Path, text: str, words: str
 ) -> None:
     assert words in str(refused(scenario_file, text))
+
+
+def test_no_refusal_offers_what_toml_has_not(scenario_file: Path) -> None:
+    said = str(refused(scenario_file, HEAD + "[delay]\ncommand_ms = 'late'"))
+    assert said.endswith("delay.command_ms: got 'late', expected a number")
 
 
 @pytest.mark.parametrize(

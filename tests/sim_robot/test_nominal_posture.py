@@ -59,6 +59,26 @@ def test_a_robot_that_sinks_before_the_run_says_by_what_one_knows(
         SimulatedRobot(walker, scenario, seed=0)
 
 
+@pytest.mark.parametrize(
+    "world",
+    [
+        {
+            "start": {"position_m": [50.0, 0.0]},
+            "tile": [{"center_m": [0.0, 0.0], "size_m": [1.0, 1.0]}],
+        },
+        {"platform": [{"foot": "both", "size_m": [0.001, 0.001]}]},
+        {"payload": [{"link": "torso", "mass_kg": 1e6}]},
+    ],
+    ids=["beside the ground", "a platform of a millimetre", "a payload of 1000 t"],
+)
+def test_a_robot_that_falls_upright_before_the_run_does_not_stand(
+    walker: Robot, world: dict[str, object]
+) -> None:
+    scenario = scenario_from_table(SCENARIO | world, source="x")
+    with pytest.raises(RobotFileError, match=r"sank by \d+\.\d m, nothing carries"):
+        SimulatedRobot(walker, scenario, seed=0)
+
+
 @pytest.mark.parametrize(("ticks", "counts"), [(200, False), (201, True)])
 def test_no_force_peak_before_peaks_count(
     walker: Robot, ticks: int, counts: bool

@@ -15,7 +15,7 @@ import numpy as np
 import pytest
 
 import surefoot as sf
-from surefoot.controllers import walk_notice
+from surefoot.controllers import late_notice, walk_notice
 from surefoot.robot_io.robot import make_robot
 from surefoot.run_plan import make_plan
 from surefoot.schemas.scenario import scenario_from_table
@@ -230,3 +230,27 @@ def test_what_of_a_walk_will_not_be_walked_is_told_beforehand(
     found = walk_notice(make_plan(scenario))
     assert said in found if said else not found
     assert not walk_notice(make_plan(scenario, controller="hold"))
+
+
+def test_what_of_a_scenario_begins_after_its_end_is_told_beforehand() -> None:
+    sine = {"axis": "x", "kind": "sine", "amplitude_m": 0.1, "frequency_hz": 1.0}
+    late = {"start_s": 2.0}
+    table = {
+        "name": "late",
+        "duration_s": 2.0,
+        "platform": [{"foot": "both", "motion": [sine, sine | late]}],
+        "push": [{"force_n": [1.0, 0.0, 0.0]} | late],
+        "rod": [
+            {"kind": "force", "body": "torso", "frequency_hz": 1.0, "amplitude_n": 1.0}
+            | late
+        ],
+        "payload": [{"link": "torso", "mass_kg": 1.0} | late],
+        "fault": [{"sensor": "imu", "kind": "drop", "duration_s": 1.0} | late],
+    }
+    said = late_notice(scenario_from_table(table, source="test"))
+    for name in ("platform[0].motion[1]", "push[0]", "rod[0]", "payload[0]"):
+        assert f"{name} (2 s)" in said
+    assert "fault[0] (2 s)" in said
+    assert "motion[0]" not in said.replace("platform[0].motion[1]", "")
+    longer = scenario_from_table(table | {"duration_s": 2.1}, source="test")
+    assert not late_notice(longer)

@@ -51,6 +51,9 @@ STANDS = {
     "endless wrist": case(
         altered("left_wrist_roll", type="continuous"), "left_wrist_roll"
     ),
+    "endless wrist fits a pattern": case(
+        altered("left_wrist_roll", type="continuous"), "left_wrist_roll", keep=("*",)
+    ),
     "12 joints": case(urdf.nothing, "as asked: head_yaw", legs_only=True),
     "arms fixed by pattern": case(
         urdf.nothing, "14 joints fixed", fix=("*_shoulder_*", "*_wrist_*", "*_elbow")
@@ -168,6 +171,16 @@ REFUSED = {
     "unit that moves": case(UNIT_ON_HEAD, "head_yaw", imu="imu"),
     "sensor elsewhere": case(
         urdf.nothing, "does not hang on it", left_ft="right_foot_plate"
+    ),
+    "endless wrist kept": case(
+        altered("left_wrist_roll", type="continuous"),
+        "'left_wrist_roll' cannot be kept: it turns without end",
+        keep=("*_wrist_*", "left_wrist_roll"),
+    ),
+    "follower kept": case(
+        urdf.with_a_mimic_chain,
+        "'left_grip_2' cannot be kept: it follows another joint",
+        keep=("left_grip_2",),
     ),
     "no such joint": case(urdf.nothing, "no joint fits 'wings'", fix=("wings",)),
     "degrees": case(urdf.in_degrees, "in degrees"),
