@@ -325,7 +325,7 @@ def _open_error(
     endpoints: Endpoints, role: Role, error: zenoh.ZError, timeout_s: float
 ) -> EndpointError | RobotUnreachableError:
     if not listens(endpoints, role):
-        # A client tries again, and checks the peer's certificate when it gives up.
+        # A client tries again, and looks for the cause when it gives up.
         words = unreachable(
             endpoints, "nobody answers", timeout_s, looks=role is not Role.CLIENT
         )
@@ -333,6 +333,11 @@ def _open_error(
     why = cause_of(error)
     if "in use" in why:
         why = "the address is in use; stop who listens there, or choose another port"
+    elif "assign requested address" in why:
+        why = (
+            "no network interface of this machine has this address; listen on one of "
+            "its own, or on 0.0.0.0 for all of them"
+        )
     return EndpointError(
         f"cannot listen on {', '.join(endpoints.listen)}: {why}",
         locators=endpoints.listen,
@@ -348,7 +353,8 @@ def unreachable(
         endpoints: where the process dialed.
         what: what it found instead.
         timeout_s: how long it waited [s].
-        looks: check the certificate of the other side, which takes a moment.
+        looks: find out what is wrong with host names and certificates, which takes a
+            moment.
     """
     where = dialed(endpoints)
     told = f"{what} at {', '.join(where)} within {timeout_s:g} s"
