@@ -67,8 +67,8 @@ def run_stabilizer(
     signal. Then the commands come to rest, the lease is given back, and the robot holds
     its posture. A second signal ends it at once.
 
-    With ``reconnect``, it waits for a robot that went away, even before it had answered,
-    or lost contact, and takes command again as at first: new lease, new controller from
+    With ``reconnect``, it waits for a robot that went away, even before it answered, or
+    lost contact, and takes command again as at first: new lease, new controller from
     the held posture. It never does so after a fault, another commander, a requested
     hold, or the run's end.
 
