@@ -87,6 +87,12 @@ def test_port_0_is_for_listening_alone() -> None:
         check_locators(["tcp/127.0.0.1:0"], verb="dial")
 
 
+def test_a_certificate_is_not_compared_with_an_ipv6_address() -> None:
+    check_locators(["tls/[::1]:7447"], verb="listen on")
+    with pytest.raises(LocatorError, match="dial a name of that host"):
+        check_locators(["tls/[::1]:7447"], verb="dial")
+
+
 def at_path(path: Path) -> Endpoints:
     return Endpoints(listen=[f"unixsock-stream/{path}"])
 
