@@ -97,22 +97,28 @@ def _tls_fault(endpoints: Endpoints, locator: str) -> str:
             f"{theirs} is for {', '.join(names) or 'no host'}, not for {host}; dial "
             f"one of these, or make it anew with surefoot certs --renew --host {host}"
         )
-    return _refusal_in_words(seen.refusal, locator, now)
+    return _alert_in_words(seen.alert, locator, now)
 
 
-def _refusal_in_words(refusal: str, locator: str, now: datetime) -> str:
-    """Return why the other side refuses our certificate, by OpenSSL's name of it."""
-    if not refusal:
+_OUT_OF_DATE = "SSLV3_ALERT_CERTIFICATE_EXPIRED"
+"""OpenSSL's name of the alert to a certificate that has expired or is not valid yet."""
+_STRANGE = ("TLSV1_ALERT_UNKNOWN_CA", "TLSV1_ALERT_DECRYPT_ERROR")
+"""Those to one of another authority, the second where both have the same name."""
+
+
+def _alert_in_words(alert: str, locator: str, now: datetime) -> str:
+    """Return why the other side refuses our certificate; empty if it does not."""
+    if not alert:
         return ""
     told = f"our certificate is refused at {locator}"
-    if "CERTIFICATE_EXPIRED" in refusal:  # also when it is not valid yet
+    if alert == _OUT_OF_DATE:
         return (
             f"{told} as out of date, and it is {now.strftime(_DATE)} here; set the "
             "clocks of both machines"
         )
-    if any(word in refusal for word in ("UNKNOWN_CA", "DECRYPT_ERROR")):
+    if alert in _STRANGE:
         return f"{told}: it is of another authority than those trusted there"
-    return f"{told} ({refusal})"
+    return f"{told} ({alert})"
 
 
 def _is_among(host: str, names: list[str]) -> bool:
@@ -127,11 +133,11 @@ class _Seen(NamedTuple):
 
     Attributes:
         certificate: what the other side shows.
-        refusal: its alert to our certificate, by OpenSSL's name; empty without one.
+        alert: its alert to our certificate, by OpenSSL's name; empty without one.
     """
 
     certificate: x509.Certificate
-    refusal: str
+    alert: str
 
 
 def _look(tls: Tls, host: str, port: int) -> _Seen | None:
