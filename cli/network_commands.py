@@ -165,7 +165,7 @@ def certs(
             "--host",
             metavar="NAME",
             help="Name or address at which robot or router are dialed, besides "
-            "loopback. May be repeated.",
+            "loopback and, with --renew, those so far. May be repeated.",
         ),
     ] = None,
     days: Annotated[
@@ -188,10 +188,13 @@ def certs(
         make_certificates,
         renew_certificates,
     )
+    from surefoot.robot_io.security.own_certificates import names_of, read_certificates
 
     make = renew_certificates if renew else make_certificates
     written = make(out, hosts=hosts or [], days=days)
+    names = names_of(read_certificates(out / "robot.pem")[0])
     print_note(
-        f"{out}: {len(written)} files, valid for {days} days. Keep ca.key.pem away "
-        "from robot and stabilizer; it is needed for --renew alone."
+        f"{out}: {len(written)} files, valid for {days} days; the robot may be dialed "
+        f"as {', '.join(names)}. Keep ca.key.pem away from robot and stabilizer; it is "
+        "needed for --renew alone."
     )

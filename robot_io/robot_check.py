@@ -115,7 +115,7 @@ def _check_file(file: RobotFile, path: Path) -> None:
     if not is_key(namespace):
         raise FileFormatError(
             f"{path}: namespace: got {namespace!r}, expected a key such as 'walker' "
-            "without wildcards, blanks, outer or double slashes",
+            "without wildcards, blanks, @, outer or double slashes",
             field="namespace",
         )
 

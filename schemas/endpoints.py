@@ -62,7 +62,7 @@ class Endpoints(FileStruct, frozen=True, kw_only=True):
     listen: list[str] = msgspec.field(default_factory=lambda: [DEFAULT_LOCATOR])
     """Locators at which the robot listens."""
     connect: list[str] = msgspec.field(default_factory=lambda: [DEFAULT_LOCATOR])
-    """Locators that everyone else dials."""
+    """Locators that everyone else dials; the first that answers is taken."""
     router: list[str] = []
     """Locators at which everyone, the robot included, dials the router; empty without
     one. The router itself listens at ``listen``, or here when its file has no

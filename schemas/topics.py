@@ -108,8 +108,12 @@ def topic(name: str) -> Topic:
 
 
 def is_key(text: str) -> bool:
-    """Whether a text is a key, or a prefix of keys: parts separated by slashes."""
-    return all(text.split("/")) and not _NO_KEY.search(text)
+    """Whether a text is a key, or a prefix of keys: parts separated by slashes.
+
+    Patterns, such as those of access rules, miss parts that begin with @.
+    """
+    is_each_seen = all(part and part[0] != "@" for part in text.split("/"))
+    return is_each_seen and not _NO_KEY.search(text)
 
 
 def resolve_keys(overrides: dict[str, str]) -> dict[str, str]:
@@ -136,7 +140,7 @@ def resolve_keys(overrides: dict[str, str]) -> dict[str, str]:
         if not is_key(cleaned):
             raise FileFormatError(
                 f"keys.{name}: got {key!r}, expected a key such as 'sensor/ft/left' "
-                "without wildcards or blanks",
+                "without wildcards, blanks or @",
                 field=f"keys.{name}",
             )
         keys[name] = cleaned

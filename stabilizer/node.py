@@ -67,9 +67,10 @@ def run_stabilizer(
     signal. Then the commands come to rest, the lease is given back, and the robot holds
     its posture. A second signal ends it at once.
 
-    With ``reconnect``, it waits for a robot that went away or lost contact, and takes
-    command again as at first: new lease, new controller from the held posture. It never
-    does so after a fault, another commander, a requested hold, or the run's end.
+    With ``reconnect``, it waits for a robot that went away, even before it answered, or
+    lost contact, and takes command again as at first: new lease, new controller from
+    the held posture. It never does so after a fault, another commander, a requested
+    hold, or the run's end.
 
     Args:
         make_controller: makes the controller of each start.
@@ -155,6 +156,7 @@ class _Node:
         )
         self._requests: RequestHandler | None = None
         self._stays = 0
+        self._has_commanded = False
         self._refused_since_s = math.inf
         self._pause = threading.Event()
 
@@ -206,7 +208,13 @@ class _Node:
             with quiet_interpreter():
                 requests = self._requests_at(client)
                 loop = self._loop(client, requests)
-                end = loop.run(self._take_command(client), self._stop)
+                try:
+                    q_held = self._take_command(client)
+                except RobotUnreachableError:
+                    if client.robot_is_here:
+                        raise  # it is silent, or may not answer us
+                    return End(EndReason.ROBOT_GONE, may_return=True)
+                end = loop.run(q_held, self._stop)
                 if requests.holding:
                     return end._replace(may_return=False)
                 return end
@@ -222,9 +230,11 @@ class _Node:
                 detail=f"the robot runs in {robots_pace}",
             )
         q_held = client.enable()
-        if self._stays > 1:
+        self._walk = None  # its steps begin where the robot stands now
+        if self._has_commanded:
             self.telemetry.restarts += 1
             _LOG.warning("in command again, as %s", client.identity)
+        self._has_commanded = True
         return q_held
 
     def _requests_at(self, client: RobotClient) -> RequestHandler:
@@ -243,7 +253,6 @@ class _Node:
             self._first = None
             return Safety(controller, self._robot, settings.safety)
 
-        walk, self._walk = self._walk, None
         return Loop(
             make_safety,
             client,
@@ -252,6 +261,6 @@ class _Node:
             period_s=self._robot.period_s,
             leave_s=self._settings.safety.leave_s,
             failure_file=self._failure_file,
-            walk=walk,
+            walk=self._walk,
             limits=self._limits,
         )

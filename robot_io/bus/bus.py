@@ -5,6 +5,7 @@ Client and server both build on it: sensors go from server to client, commands b
 
 from __future__ import annotations
 
+import logging
 import os
 import socket
 import tempfile
@@ -40,6 +41,9 @@ SETTLE_S = 1.0
 _NOBODY = "alive/nobody"
 DIAL_S = 0.5
 """Length of one attempt to connect, which Zenoh cannot interrupt [s]."""
+TELL_S = 10.0
+"""Time without an answer after which a longer wait tells the likely cause [s]."""
+_LOG = logging.getLogger(__name__)
 ROUND_TRIPS = 200
 _WARM_UP = 20
 _ANSWER_S = 2.0
@@ -227,7 +231,8 @@ def dial(
     Returns:
         The bus; None when the dialing was stopped.
     """
-    end, attempt_s = time.monotonic() + timeout_s, min(DIAL_S, timeout_s)
+    begin_s, attempt_s = time.monotonic(), min(DIAL_S, timeout_s)
+    is_told = False
     while stop is None or not stop.is_set:
         bus = Bus(
             endpoints, Role.CLIENT, namespace=namespace, timeout_s=attempt_s, pace=pace
@@ -235,9 +240,14 @@ def dial(
         try:
             return stack.enter_context(bus)
         except RobotUnreachableError:
-            if time.monotonic() >= end:
+            waited_s = time.monotonic() - begin_s
+            if waited_s >= timeout_s:
                 words = unreachable(endpoints, "nobody answers", timeout_s)
                 raise RobotUnreachableError(words) from None
+            if waited_s >= TELL_S and not is_told:
+                is_told = True
+                words = unreachable(endpoints, "nobody answers", round(waited_s))
+                _LOG.warning("%s; still dialing", words)
     return None
 
 

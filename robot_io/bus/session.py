@@ -16,9 +16,10 @@ import logging
 import os
 import threading
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from enum import StrEnum
 
+import msgspec
 import zenoh
 
 from surefoot.robot_io.errors import EndpointError, RobotUnreachableError
@@ -105,7 +106,7 @@ def open_session(
         role: robot, client or router.
         namespace: put before every key on the wire, such as ``walker``; empty for a
             tool that looks at all keys.
-        timeout_s: how long a dialing process tries before it gives up [s].
+        timeout_s: how long a dialing process tries each locator [s].
         keys: channel name to key, for access control; the usual ones when None.
         wait_before_drop_s: how long a message may wait for a busy link [s].
 
@@ -117,17 +118,20 @@ def open_session(
         RobotUnreachableError: nobody answers at the dialed locators.
     """
     _check(endpoints, role)
-    config = session_config(
-        endpoints,
-        role,
-        namespace=namespace,
-        timeout_s=timeout_s,
-        keys=keys,
-        wait_before_drop_s=wait_before_drop_s,
-    )
+    configs = [
+        session_config(
+            place,
+            role,
+            namespace=namespace,
+            timeout_s=timeout_s,
+            keys=keys,
+            wait_before_drop_s=wait_before_drop_s,
+        )
+        for place in _one_by_one(endpoints, role)
+    ]
     try:
         with _threads(is_listening=listens(endpoints, role)):
-            session = zenoh.open(zenoh.Config.from_json5(json.dumps(config)))
+            session = _open_first(configs)
     except zenoh.ZError as error:
         raise _open_error(endpoints, role, error, timeout_s) from error
     except BaseException as error:
@@ -146,6 +150,33 @@ def open_session(
             session.close()  # type: ignore[no-untyped-call]
         except zenoh.ZError as error:  # a hanging peer must not hide other errors
             logging.getLogger(__name__).warning("closing the bus: %s", cause_of(error))
+
+
+def _one_by_one(endpoints: Endpoints, role: Role) -> list[Endpoints]:
+    """Return endpoints for each locator to dial; the same for who listens.
+
+    Given several, Zenoh dials the first until the time is up, and no other.
+    """
+    if listens(endpoints, role):
+        return [endpoints]
+    side = "router" if endpoints.router else "connect"
+    return [
+        msgspec.structs.replace(endpoints, **{side: [locator]})
+        for locator in dialed(endpoints)
+    ]
+
+
+def _open_first(configs: list[JsonObject]) -> zenoh.Session:
+    """Open a session with the first configuration that works.
+
+    Raises:
+        ZError: none does.
+    """
+    *others, last = (zenoh.Config.from_json5(json.dumps(one)) for one in configs)
+    for config in others:
+        with suppress(zenoh.ZError):
+            return zenoh.open(config)
+    return zenoh.open(last)
 
 
 def expect_to_listen() -> None:
@@ -325,7 +356,7 @@ def _open_error(
     endpoints: Endpoints, role: Role, error: zenoh.ZError, timeout_s: float
 ) -> EndpointError | RobotUnreachableError:
     if not listens(endpoints, role):
-        # A client tries again, and checks the peer's certificate when it gives up.
+        # A client tries again, and looks for the cause when it gives up.
         words = unreachable(
             endpoints, "nobody answers", timeout_s, looks=role is not Role.CLIENT
         )
@@ -333,6 +364,11 @@ def _open_error(
     why = cause_of(error)
     if "in use" in why:
         why = "the address is in use; stop who listens there, or choose another port"
+    elif "assign requested address" in why:
+        why = (
+            "no network interface of this machine has this address; listen on one of "
+            "its own, or on 0.0.0.0 for all of them"
+        )
     return EndpointError(
         f"cannot listen on {', '.join(endpoints.listen)}: {why}",
         locators=endpoints.listen,
@@ -348,7 +384,8 @@ def unreachable(
         endpoints: where the process dialed.
         what: what it found instead.
         timeout_s: how long it waited [s].
-        looks: check the certificate of the other side, which takes a moment.
+        looks: find out what is wrong with host names and certificates, which takes a
+            moment.
     """
     where = dialed(endpoints)
     told = f"{what} at {', '.join(where)} within {timeout_s:g} s"

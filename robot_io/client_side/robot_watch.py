@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import logging
 import math
 import os
 import secrets
@@ -14,7 +15,7 @@ from contextlib import ExitStack
 from functools import partial
 from typing import NamedTuple, Self
 
-from surefoot.robot_io.bus.bus import DIAL_S, Bus, dialed_bus
+from surefoot.robot_io.bus.bus import DIAL_S, TELL_S, Bus, dialed_bus
 from surefoot.robot_io.bus.channel import Latest
 from surefoot.robot_io.bus.session import unreachable
 from surefoot.robot_io.errors import RobotUnreachableError, SecondRobotError
@@ -37,6 +38,7 @@ from surefoot.schemas.messages import (
 from surefoot.schemas.reasons import ModeCause
 from surefoot.schemas.topics import ALIVE_OBSERVER, ALIVE_ROBOT, ALIVE_STABILIZER
 
+_LOG = logging.getLogger(__name__)
 RETURN_S = 10.0
 """Longest wait for a robot that went away without a farewell [s]."""
 CROWD_S = 2.0
@@ -142,13 +144,19 @@ class RobotWatch:
             RobotUnreachableError: no robot was ready in time.
             RobotMismatchError: see :meth:`find`.
         """
+        what = f"no robot {self._robot.file.namespace!r} is ready"
+        begin_s, is_told = time.monotonic(), False
         while stop is None or not stop.is_set:
-            left_s = max(0.0, end_s - time.monotonic())
+            now_s = time.monotonic()
+            left_s = max(0.0, end_s - now_s)
             if self.wait(min(STOP_POLL_S, left_s)) and (found := self.find()):
                 return found
             if left_s == 0.0:
-                what = f"no robot {self._robot.file.namespace!r} is ready"
                 raise RobotUnreachableError(unreachable(endpoints, what, timeout_s))
+            if now_s - begin_s >= TELL_S and not is_told:
+                is_told = True
+                words = unreachable(endpoints, what, round(now_s - begin_s))
+                _LOG.warning("%s; still waiting", words)
         return None
 
     def check(self) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import threading
+import time
 from collections.abc import Callable
 from contextlib import ExitStack
 from pathlib import Path
@@ -99,7 +100,7 @@ class Relay:
             endpoints: ``connect`` (or ``router``) leads to the robot; the stabilizer's
                 side dials ``listen``.
             stop: ends the relay, besides signals.
-            wait_s: how long to dial the robot [s].
+            wait_s: how long the robot may take to be there [s].
             listening: its ``listen``, certificates and access are used instead for the
                 stabilizer's side, since with TLS each side has an identity.
             on_ready: called once both sides are open.
@@ -109,7 +110,7 @@ class Relay:
 
         Raises:
             EndpointError: Zenoh cannot listen there, or a locator is malformed.
-            RobotUnreachableError: nobody answered in time.
+            RobotUnreachableError: no robot was ready in time.
             RobotMismatchError: the robot has another description, or there are two.
             RobotIoError: the relay cannot send any more.
         """
@@ -119,12 +120,16 @@ class Relay:
         dispatcher = Dispatcher()
         with stop.on_signals(), ExitStack() as stack:
             namespace = self._robot.file.namespace
+            end_s = time.monotonic() + wait_s
             robots_side = dial(
                 stack, endpoints, namespace=namespace, timeout_s=wait_s, stop=stop
             )
             if robots_side is not None:
                 self._watch.follow(robots_side)
-                self._watch.find()
+                self._watch.find_within(
+                    end_s, endpoints=endpoints, timeout_s=wait_s, stop=stop
+                )
+            if robots_side is not None and not stop.is_set:
                 other_side = stack.enter_context(
                     Bus(place, Role.ROBOT, namespace=namespace, keys=self._robot.keys)
                 )

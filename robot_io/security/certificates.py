@@ -15,12 +15,15 @@ from cryptography.hazmat.primitives.asymmetric import ec
 from cryptography.x509.oid import ExtendedKeyUsageOID, NameOID
 
 from surefoot.robot_io.errors import CertificateError
+from surefoot.robot_io.security.own_certificates import names_of, read_certificates
 from surefoot.schemas.toml_file import atomic_file
 
 LISTENERS = ("robot", "router")
 IDENTITIES = (*LISTENERS, "stabilizer", "operator", "planner", "observer")
 _HOST_NAME = re.compile(r"([\w-]+\.)*[\w-]*[a-z_-][\w-]*\.?", re.ASCII | re.IGNORECASE)
 """Host name; its last part is no number, since 192.0.2 would be a cut-off address."""
+LONGEST_PART, LONGEST_NAME = 63, 253
+"""Lengths that a host name, and each part of it between dots, may have [bytes]."""
 LOOPBACK = ("localhost", "127.0.0.1", "::1")
 AUTHORITY = "ca"
 AUTHORITY_DAYS = 3650
@@ -83,7 +86,7 @@ def renew_certificates(
 
     Args:
         folder: folder that :func:`make_certificates` wrote.
-        hosts: as there; they are not taken from the old certificates.
+        hosts: names and addresses besides those in the old certificates.
         days: validity of the new certificates.
         now: start of the validity; the present when None.
 
@@ -91,11 +94,13 @@ def renew_certificates(
         The files replaced.
 
     Raises:
-        CertificateError: the authority is missing, unreadable, or expires before them.
+        CertificateError: the authority is missing, unreadable, or expires before them;
+            or an old certificate cannot be read.
         OSError: the files cannot be written; then all are as before.
     """
     now = now or datetime.now(UTC)
     authority = _read(folder, AUTHORITY)
+    hosts = [*_hosts_so_far(folder), *hosts]
     if authority.certificate.not_valid_after_utc < now + timedelta(days=days):
         over = authority.certificate.not_valid_after_utc.date()
         raise CertificateError(
@@ -187,15 +192,34 @@ def _name(common_name: str) -> x509.Name:
 
 def _place(host: str) -> x509.GeneralName:
     try:
-        return x509.IPAddress(ipaddress.ip_address(host))
+        address = ipaddress.ip_address(host)
     except ValueError:
         pass
-    if not _HOST_NAME.fullmatch(host):
+    else:
+        if "%" in host:
+            raise CertificateError(
+                f"host {host!r}: a certificate cannot hold an address with a zone; "
+                "expected a name, or an address without %"
+            )
+        return x509.IPAddress(address)
+    name = host.removesuffix(".")
+    if (
+        not _HOST_NAME.fullmatch(name)
+        or len(name) > LONGEST_NAME
+        or max(map(len, name.split("."))) > LONGEST_PART
+    ):
         raise CertificateError(
             f"host {host!r} is neither an address nor a name in ASCII, without "
             "protocol and port; expected one such as 192.0.2.10 or robot.local"
         )
-    return x509.DNSName(host)
+    return x509.DNSName(name)
+
+
+def _hosts_so_far(folder: Path) -> list[str]:
+    """Return names and addresses in the listeners' present certificates."""
+    paths = [folder / f"{name}.pem" for name in LISTENERS]
+    found = [names_of(read_certificates(path)[0]) for path in paths if path.exists()]
+    return [host for hosts in found for host in hosts if host not in LISTENERS]
 
 
 def _issue_all(
@@ -218,13 +242,24 @@ def _read(folder: Path, name: str) -> Issued:
     try:
         key = serialization.load_pem_private_key(key_file.read_bytes(), password=None)
         certificate = x509.load_pem_x509_certificate(certificate_file.read_bytes())
-    except (OSError, ValueError) as error:
+    except FileNotFoundError as error:
         raise CertificateError(
-            f"{folder}: no authority to renew with ({error}); leave out --renew to "
-            "make one"
+            f"{folder}: no authority to renew with: {error.filename} is not there; put "
+            "it back, or make a new authority in another folder without --renew"
         ) from error
-    if not isinstance(key, ec.EllipticCurvePrivateKey):
-        raise CertificateError(f"{key_file}: not a key that surefoot certs made")
+    except (OSError, ValueError, TypeError) as error:  # TypeError: it has a password
+        raise CertificateError(
+            f"{folder}: the authority cannot be read ({error}); expected "
+            f"{certificate_file.name} and {key_file.name} as surefoot certs made them"
+        ) from error
+    if (
+        not isinstance(key, ec.EllipticCurvePrivateKey)
+        or key.public_key() != certificate.public_key()
+    ):
+        raise CertificateError(
+            f"{key_file}: not the key of {certificate_file}; put the two files back "
+            "that surefoot certs made together"
+        )
     return Issued(certificate, key)
 
 

@@ -80,6 +80,11 @@ def _fault(locator: str, *, is_dialed: bool) -> str:
         return f"got the port {port!r}, expected a number up to {LARGEST_PORT}"
     if is_dialed and int(port) == 0:
         return "port 0 means any free one, which can only be listened on"
+    if is_dialed and protocol in SECURED and host.startswith("["):
+        return (
+            "Zenoh compares certificates with names and IPv4 addresses only; dial a "
+            "name of that host, which /etc/hosts may give it"
+        )
     return _host_fault(host)
 
 

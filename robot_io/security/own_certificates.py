@@ -7,11 +7,14 @@ there. These checks find faults of our own side at the start.
 
 from __future__ import annotations
 
+import contextlib
 import ipaddress
 import socket
 import ssl
+import threading
 from datetime import UTC, datetime
 from pathlib import Path
+from typing import NamedTuple
 
 from cryptography import x509
 from cryptography.exceptions import InvalidSignature, UnsupportedAlgorithm
@@ -20,70 +23,125 @@ from cryptography.hazmat.primitives.serialization import PublicFormat
 from cryptography.x509.oid import ExtendedKeyUsageOID
 
 from surefoot.robot_io.errors import CertificateError
-from surefoot.robot_io.security.locators import place_of, protocol_of
+from surefoot.robot_io.security.locators import SOCKET_FILE, place_of, protocol_of
 from surefoot.schemas.endpoints import Endpoints, Tls
 
 LOOK_S = 1.0
-"""Longest look at a peer's certificate, only after the bus has failed [s]. It is longer
-than a handshake."""
+"""Longest look at a peer's certificate, and at the name of its host, only after the bus
+has failed [s]. It is longer than a handshake."""
 _RENEW = "make new ones with surefoot certs --renew"
 _DATE = "%Y-%m-%d %H:%M UTC"
 
 
 def peer_fault(endpoints: Endpoints, locators: list[str]) -> str:
-    """Return what is wrong with the certificates at some locators, in words.
+    """Return why the other side cannot be reached at some locators, in words.
+
+    Names of hosts are looked up; over TLS both sides' certificates are examined, ours
+    by what the other side answers to it.
 
     Returns:
         Empty if nothing is wrong, nobody answers, or the check is not possible.
     """
-    if endpoints.tls is None:
+    found = (_unknown_host(one) or _tls_fault(endpoints, one) for one in locators)
+    return "; ".join(filter(None, found))
+
+
+def _unknown_host(locator: str) -> str:
+    """Return what is wrong with the name of a locator's host; empty if it is known."""
+    if protocol_of(locator) == SOCKET_FILE:
         return ""
+    host, port = place_of(locator)
+    known = threading.Event()
+
+    def look_up() -> None:
+        with contextlib.suppress(OSError, UnicodeError):
+            socket.getaddrinfo(host, port)
+            known.set()
+
+    looking = threading.Thread(target=look_up, daemon=True)
+    looking.start()
+    looking.join(LOOK_S)  # a lookup cannot be interrupted; without a DNS it is long
+    if known.is_set():
+        return ""
+    return f"this machine knows no host {host!r}; write its address, or tell /etc/hosts"
+
+
+def _tls_fault(endpoints: Endpoints, locator: str) -> str:
+    """Return what is wrong with the certificates of a link; empty if nothing is."""
+    tls = endpoints.tls
+    if tls is None or protocol_of(locator) != "tls":
+        return ""
+    host, port = place_of(locator)
+    seen = _look(tls, host, port)
     try:
-        authorities = read_certificates(Path(endpoints.tls.ca))
+        authorities = read_certificates(Path(tls.ca))
     except CertificateError:
         return ""
-    faults = (
-        _fault(endpoints, locator, authorities)
-        for locator in locators
-        if protocol_of(locator) == "tls"
-    )
-    return "; ".join(filter(None, faults))
-
-
-def _fault(
-    endpoints: Endpoints, locator: str, authorities: list[x509.Certificate]
-) -> str:
-    host, port = place_of(locator)
-    certificate = _shown_at(endpoints, host, port)
-    if certificate is None:
+    if seen is None:
         return ""
+    certificate, now = seen.certificate, datetime.now(UTC)
+    theirs = f"the certificate at {locator}"
     if not any(_is_signed_by(certificate, one) for one in authorities):
-        return f"the certificate at {locator} is of another authority than ours"
-    until = certificate.not_valid_after_utc
-    if datetime.now(UTC) > until:
-        return f"the certificate at {locator} expired on {until:%Y-%m-%d %H:%M} UTC"
+        return f"{theirs} is of another authority than ours"
+    since, until = certificate.not_valid_before_utc, certificate.not_valid_after_utc
+    if now > until:
+        return f"{theirs} expired on {until.strftime(_DATE)}"
+    if now < since:
+        return (
+            f"{theirs} is valid from {since.strftime(_DATE)} on, and it is "
+            f"{now.strftime(_DATE)} here; set the clocks of both machines"
+        )
     names = names_of(certificate)
     if not _is_among(host, names):
         return (
-            f"the certificate at {locator} is for {', '.join(names) or 'no host'}, not "
-            f"for {host}; dial one of these, or make it anew with surefoot certs "
-            f"--renew --host {host}"
+            f"{theirs} is for {', '.join(names) or 'no host'}, not for {host}; dial "
+            f"one of these, or make it anew with surefoot certs --renew --host {host}"
         )
-    return ""
+    return _alert_in_words(seen.alert, locator, now)
+
+
+_OUT_OF_DATE = "SSLV3_ALERT_CERTIFICATE_EXPIRED"
+"""OpenSSL's name of the alert to a certificate that has expired or is not valid yet."""
+_STRANGE = ("TLSV1_ALERT_UNKNOWN_CA", "TLSV1_ALERT_DECRYPT_ERROR")
+"""Those to one of another authority, the second where both have the same name."""
+
+
+def _alert_in_words(alert: str, locator: str, now: datetime) -> str:
+    """Return why the other side refuses our certificate; empty if it does not."""
+    if not alert:
+        return ""
+    told = f"our certificate is refused at {locator}"
+    if alert == _OUT_OF_DATE:
+        return (
+            f"{told} as out of date, and it is {now.strftime(_DATE)} here; set the "
+            "clocks of both machines"
+        )
+    if alert in _STRANGE:
+        return f"{told}: it is of another authority than those trusted there"
+    return f"{told} ({alert})"
 
 
 def _is_among(host: str, names: list[str]) -> bool:
     try:
         return str(ipaddress.ip_address(host)) in names
     except ValueError:
-        return host.lower() in (name.lower() for name in names)
+        return host.lower().removesuffix(".") in (name.lower() for name in names)
 
 
-def _shown_at(endpoints: Endpoints, host: str, port: int) -> x509.Certificate | None:
-    """Return the certificate that a peer shows; the peer itself is not trusted."""
-    tls = endpoints.tls
-    if tls is None:
-        return None
+class _Seen(NamedTuple):
+    """What a look at the other side of a TLS link found.
+
+    Attributes:
+        certificate: what the other side shows.
+        alert: its alert to our certificate, by OpenSSL's name; empty without one.
+    """
+
+    certificate: x509.Certificate
+    alert: str
+
+
+def _look(tls: Tls, host: str, port: int) -> _Seen | None:
+    """Look at the certificate that a peer shows; the peer itself is not trusted."""
     context = ssl.SSLContext(ssl.PROTOCOL_TLS_CLIENT)
     context.check_hostname = False
     context.verify_mode = ssl.CERT_NONE
@@ -94,9 +152,22 @@ def _shown_at(endpoints: Endpoints, host: str, port: int) -> x509.Certificate | 
             context.wrap_socket(plain) as secured,
         ):
             shown = secured.getpeercert(binary_form=True)
-        return None if shown is None else x509.load_der_x509_certificate(shown)
+            if shown is None:
+                return None
+            return _Seen(x509.load_der_x509_certificate(shown), _alert_on(secured))
     except (OSError, ValueError):  # ssl's errors are among them
         return None
+
+
+def _alert_on(secured: ssl.SSLSocket) -> str:
+    """Return the alert after a handshake, when TLS 1.3 judges our certificate."""
+    try:
+        secured.recv(1)
+    except ssl.SSLError as error:
+        return error.reason or ""
+    except OSError:  # nothing comes: the peer waits for us to speak
+        pass
+    return ""
 
 
 _USES = {

@@ -7,8 +7,10 @@ from typing import Any
 
 import pytest
 
-from surefoot.robot_io.realtime import Pace
+from surefoot.robot_io.realtime import Pace, StopRequest
 from surefoot.robot_io.robot import load_robot
+from surefoot.robot_io.robot_side.gate import CommandGate
+from surefoot.robot_io.robot_side.server import RobotServer
 from surefoot.schemas.endpoints import Endpoints
 from surefoot.schemas.messages import RobotMode, RobotStatus
 from surefoot.schemas.reasons import EndReason, ModeCause, StabilizerState
@@ -102,6 +104,24 @@ def test_it_takes_over_again_after_a_silence_of_its_own(endpoints: Endpoints) ->
         controller.signal(signal.SIGCONT)
         when(is_commanded_again, what="command of the robot again")
         assert end_it(controller).restarts >= 1
+
+
+def test_a_robot_that_goes_before_it_answers_is_waited_for(
+    endpoints: Endpoints,
+) -> None:
+    gate = CommandGate(WALKER, WALKER.nominal)
+    with running(faithful, endpoints, Pace.REALTIME) as controller:
+        with RobotServer(
+            WALKER, gate, endpoints=endpoints, stop=StopRequest()
+        ) as server:
+            asked = server._services._asked  # nobody serves it
+            wait_until(lambda: bool(asked), what="a request for the lease")
+        with (
+            running(robot, endpoints, LONG, Pace.REALTIME),
+            observer(endpoints) as when,
+        ):
+            when(is_commanded_again, what="command of the next robot")
+            assert end_it(controller).restarts == 0
 
 
 def test_it_ends_while_it_waits_for_the_robot(endpoints: Endpoints) -> None:

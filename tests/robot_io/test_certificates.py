@@ -10,6 +10,7 @@ from pathlib import Path
 
 import pytest
 from cryptography import x509
+from cryptography.hazmat.primitives import serialization
 from cryptography.x509.oid import ExtendedKeyUsageOID, NameOID
 
 from surefoot.robot_io.errors import CertificateError
@@ -20,6 +21,7 @@ from surefoot.robot_io.security.certificates import (
     make_certificates,
     renew_certificates,
 )
+from surefoot.robot_io.security.own_certificates import names_of
 
 NOW = datetime(2030, 1, 1, tzinfo=UTC)
 
@@ -121,6 +123,44 @@ def test_on_a_full_disk_each_key_keeps_its_certificate(folder: Path) -> None:
     assert not new.exists()
 
 
+def test_renewing_keeps_the_hosts_and_adds_to_them(folder: Path) -> None:
+    renew_certificates(folder, hosts=["198.51.100.7"], days=90, now=NOW)
+    for name in LISTENERS:
+        names = names_of(read(folder, name))
+        assert {"robot.lan", "192.0.2.10", "198.51.100.7", name} <= set(names)
+        assert not set(names) & (set(LISTENERS) - {name})
+
+
+@pytest.mark.parametrize("fault", ["password", "others", "gone"])
+def test_without_its_own_key_an_authority_renews_nothing(
+    folder: Path, fault: str
+) -> None:
+    key_file = folder / "ca.key.pem"
+    if fault == "password":
+        key = serialization.load_pem_private_key(key_file.read_bytes(), None)
+        hidden = key.private_bytes(
+            serialization.Encoding.PEM,
+            serialization.PrivateFormat.PKCS8,
+            serialization.BestAvailableEncryption(b"secret"),
+        )
+        key_file.write_bytes(hidden)
+    elif fault == "others":
+        key_file.write_bytes((folder / "robot.key.pem").read_bytes())
+    else:
+        key_file.unlink()
+    before = {path: path.read_bytes() for path in folder.iterdir()}
+    with pytest.raises(CertificateError, match=r"ca\.key\.pem"):
+        renew_certificates(folder, hosts=[], days=90, now=NOW)
+    assert {path: path.read_bytes() for path in folder.iterdir()} == before
+
+
+def test_a_zone_is_refused_and_a_last_dot_left_out(tmp_path: Path) -> None:
+    with pytest.raises(CertificateError, match="with a zone"):
+        make_certificates(tmp_path / "certs", hosts=["fe80::1%eth0"], days=1)
+    make_certificates(tmp_path / "certs", hosts=["robot.lan."], days=1)
+    assert "robot.lan" in names_of(read(tmp_path / "certs", "robot"))
+
+
 def test_renewing_needs_an_authority_that_lasts(folder: Path, tmp_path: Path) -> None:
     with pytest.raises(CertificateError, match="no authority"):
         renew_certificates(tmp_path / "empty", hosts=[], days=90)
@@ -130,7 +170,10 @@ def test_renewing_needs_an_authority_that_lasts(folder: Path, tmp_path: Path) ->
 
 @pytest.mark.parametrize(
     "host",
-    ["röbot", "", "my robot", "robot:7447", "tls/robot", "192.0.2.10:7447", "192.0.2"],
+    [
+        *("röbot", "", "my robot", "robot:7447", "tls/robot", "192.0.2.10:7447"),
+        *("192.0.2", "x" * 64, "a..b"),
+    ],
 )
 def test_a_host_that_is_none_leaves_nothing_behind(tmp_path: Path, host: str) -> None:
     with pytest.raises(CertificateError, match="neither an address nor a name"):

@@ -22,6 +22,7 @@ from surefoot.robot_io.errors import (
 )
 from surefoot.robot_io.robot import load_robot
 from surefoot.robot_io.security.locators import check_locators
+from surefoot.robot_io.security.own_certificates import peer_fault
 from surefoot.schemas.endpoints import Endpoints, load_endpoints
 from tests.robot_io.secured import Authority
 from tests.robot_io.served_robot import serving
@@ -84,6 +85,12 @@ def test_port_0_is_for_listening_alone() -> None:
     check_locators(["tcp/127.0.0.1:0"], verb="listen on")
     with pytest.raises(LocatorError, match="can only be listened on"):
         check_locators(["tcp/127.0.0.1:0"], verb="dial")
+
+
+def test_a_certificate_is_not_compared_with_an_ipv6_address() -> None:
+    check_locators(["tls/[::1]:7447"], verb="listen on")
+    with pytest.raises(LocatorError, match="dial a name of that host"):
+        check_locators(["tls/[::1]:7447"], verb="dial")
 
 
 def at_path(path: Path) -> Endpoints:
@@ -231,3 +238,46 @@ def test_a_name_that_is_not_in_the_robots_certificate_is_told_with_those_that_ar
     told = str(caught.value)
     assert "is for robot, localhost, 127.0.0.1, ::1, not for 127.0.0.2" in told
     assert "--host 127.0.0.2" in told
+
+
+def refused_by(robot: Endpoints, client: Endpoints, word: str) -> None:
+    """A handshake with the robot alone, as a client whose certificate it refuses."""
+    with serving(WALKER, robot):
+        fault = peer_fault(client, client.connect)
+    assert f"our certificate is refused at {client.connect[0]}" in fault
+    assert word in fault
+
+
+def test_a_clock_that_differs_is_told(authority: Authority) -> None:
+    authority.issue("late", days=1, now=datetime.now(UTC) - timedelta(days=2))
+    refused_by(
+        authority.endpoints("robot"), authority.endpoints("late"), "set the clocks"
+    )
+
+
+def test_an_authority_that_the_robot_does_not_trust_is_told(
+    authority: Authority, tmp_path: Path
+) -> None:
+    other = Authority(tmp_path / "other")
+    both = tmp_path / "both.pem"
+    files = [folder / "ca.pem" for folder in (authority.folder, other.folder)]
+    both.write_text("".join(file.read_text() for file in files))
+    stranger = other_file(other.endpoints("observer"), ca=str(both))
+    stranger = msgspec.structs.replace(
+        stranger, connect=authority.endpoints("observer").connect
+    )
+    refused_by(authority.endpoints("robot"), stranger, "another authority")
+
+
+def test_a_host_that_is_not_known_is_told() -> None:
+    place = Endpoints(connect=["tcp/no-such-robot.invalid:7447"])
+    with (
+        Observer(WALKER, endpoints=place, channels=("status",)) as client,
+        pytest.raises(RobotUnreachableError, match=r"knows no host 'no-such-robot\.in"),
+    ):
+        client.connect(timeout_s=0.1)
+
+
+def test_an_address_of_another_machine_is_told() -> None:
+    with pytest.raises(EndpointError, match="no network interface of this machine"):
+        opened(Endpoints(listen=["tcp/192.0.2.1:7447"], insecure=True))

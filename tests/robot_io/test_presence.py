@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
+import math
 import threading
 import time
+from contextlib import ExitStack
 
 import pytest
 
+from surefoot.robot_io.bus import bus
 from surefoot.robot_io.bus.bus import Bus
 from surefoot.robot_io.bus.session import Role
+from surefoot.robot_io.client_side import robot_watch
 from surefoot.robot_io.errors import RobotUnreachableError
 from surefoot.robot_io.realtime import StopRequest
 from surefoot.robot_io.robot_side.gate import CommandGate
@@ -98,3 +102,35 @@ def test_a_stop_request_ends_the_clients_waits(
         assert time.monotonic() < begin + PATIENCE_S
     with new_client(endpoints, "bob", stop) as late:
         assert not late.connect(timeout_s=PATIENCE_S)
+
+
+@pytest.mark.parametrize("is_other_there", [False, True])
+def test_a_long_wait_tells_once_what_is_missing(
+    endpoints: Endpoints,
+    is_other_there: bool,
+    monkeypatch: pytest.MonkeyPatch,
+    caplog: pytest.LogCaptureFixture,
+) -> None:
+    for module in (bus, robot_watch):
+        monkeypatch.setattr(module, "TELL_S", 0.1)
+    stop = StopRequest()
+
+    def connect() -> None:
+        with new_client(endpoints, "ann", stop) as client:
+            client.connect(timeout_s=math.inf)
+
+    def told() -> list[str]:
+        return [record.getMessage() for record in caplog.records]
+
+    with ExitStack() as stack:
+        if is_other_there:
+            stack.enter_context(Bus(endpoints, Role.ROBOT, namespace="other"))
+        waiting = threading.Thread(target=connect)
+        waiting.start()
+        wait_until(lambda: bool(told()), what="a word of the wait")
+        waiting.join(1.5)
+        stop.set("a test")
+        waiting.join()
+    (words,) = told()
+    what = "no robot 'walker' is ready" if is_other_there else "nobody answers"
+    assert words.startswith(f"{what} at {endpoints.connect[0]}")

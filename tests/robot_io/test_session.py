@@ -6,6 +6,7 @@ import threading
 import time
 from concurrent.futures import ThreadPoolExecutor
 
+import msgspec
 import pytest
 import zenoh
 from zenoh.handlers import RingChannel
@@ -14,7 +15,10 @@ from surefoot.robot_io.bus import session
 from surefoot.robot_io.bus.session import RUNTIME_VARIABLE, Role, open_session
 from surefoot.robot_io.errors import EndpointError, RobotUnreachableError
 from surefoot.schemas.endpoints import Endpoints
-from tests.support import wait_until
+from tests.robot_io.meeting_places import meeting_place
+from tests.support import free_port, wait_until
+
+DIALING_S = 0.5
 
 
 def test_namespaces_do_not_hear_each_other(endpoints: Endpoints) -> None:
@@ -124,3 +128,14 @@ def test_threads_may_open_sessions_at_the_same_time(
     with ThreadPoolExecutor(max_workers=count) as pool:
         list(pool.map(dial, range(count)))
     assert RUNTIME_VARIABLE not in session.os.environ
+
+
+@pytest.mark.parametrize("role", [Role.ROBOT, Role.CLIENT])
+def test_the_first_place_that_answers_is_taken(role: Role) -> None:
+    with meeting_place(routed=True) as routed:
+        places = [f"tcp/127.0.0.1:{free_port()}", *routed.router]
+        several = msgspec.structs.replace(routed, router=places)
+        with open_session(
+            several, role, namespace="walker", timeout_s=DIALING_S
+        ) as session:
+            assert list(session.info.routers_zid())

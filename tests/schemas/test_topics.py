@@ -34,8 +34,10 @@ def test_overrides_replace_single_keys_without_their_slash() -> None:
     assert keys == default
 
 
-@pytest.mark.parametrize("key", ["", "/", "a//b", "a/*", "a/**", "a?b", "a#b", "$*"])
-def test_keys_zenoh_cannot_hold_are_refused(key: str) -> None:
+@pytest.mark.parametrize(
+    "key", ["", "/", "a//b", "a/*", "a/**", "a?b", "a#b", "$*", "@a", "a/@b"]
+)
+def test_keys_that_zenoh_cannot_hold_or_patterns_miss_are_refused(key: str) -> None:
     with pytest.raises(FileFormatError, match="expected a key such as") as caught:
         resolve_keys({"imu": key})
     assert caught.value.field == "keys.imu"

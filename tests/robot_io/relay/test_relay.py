@@ -8,6 +8,7 @@ from concurrent.futures import Future
 from contextlib import contextmanager
 from typing import Any
 
+import msgspec
 import pytest
 
 from surefoot.robot_io.client_side.client import RobotClient
@@ -22,6 +23,7 @@ from surefoot.schemas.relay_plan import RelayPlan
 from surefoot.schemas.result import RelayResult
 from surefoot.schemas.toml_file import convert
 from tests.robot_io.client_at_work import new_client
+from tests.robot_io.meeting_places import meeting_place
 from tests.robot_io.served_robot import ServedRobot, serving
 from tests.support import PATIENCE_S, free_port, wait_until
 
@@ -215,3 +217,25 @@ def test_without_a_robot_the_relay_gives_up(endpoints: Endpoints) -> None:
     both = Endpoints(listen=[f"tcp/127.0.0.1:{free_port()}"], connect=endpoints.connect)
     with pytest.raises(RobotUnreachableError, match="nobody answers"):
         Relay(WALKER, plan(), seed=0).run(both, stop=StopRequest(), wait_s=0.1)
+
+
+def test_a_relay_waits_for_the_robot_behind_a_router() -> None:
+    with meeting_place(routed=True) as routed:
+        both = msgspec.structs.replace(routed, listen=[f"tcp/127.0.0.1:{free_port()}"])
+        relay, ready = Relay(WALKER, plan(), seed=0), threading.Event()
+        with pytest.raises(RobotUnreachableError, match="no robot 'walker' is ready"):
+            relay.run(both, stop=StopRequest(), wait_s=0.1, on_ready=ready.set)
+        assert not ready.is_set()
+        stop = StopRequest()
+        thread = threading.Thread(
+            target=relay.run,
+            args=(both,),
+            kwargs={"stop": stop, "wait_s": PATIENCE_S, "on_ready": ready.set},
+        )
+        thread.start()
+        try:
+            with serving(WALKER, routed):
+                assert ready.wait(PATIENCE_S)
+        finally:
+            stop.set()
+            thread.join()
