@@ -11,6 +11,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
+from hypothesis import HealthCheck, settings
 
 from surefoot.cli import console
 from surefoot.cli.__main__ import main
@@ -21,6 +22,10 @@ from tests.command import PLAIN, Surefoot, run_surefoot, scenario_file
 from tests.one_name import modules_with_two_names
 from tests.patient_robot import patient_robot_file
 
+settings.register_profile(
+    "patient", deadline=None, suppress_health_check=[HealthCheck.too_slow]
+)
+settings.load_profile("patient")
 TESTS = Path(__file__).parent
 OF_PROCESSES = (
     *("cli/", "nodes/", "deploy/", "docs/", "examples/", "files/"),

@@ -46,11 +46,7 @@ _LOG = logging.getLogger("surefoot.run")
 ENDPOINTS = "endpoints.toml"
 
 _START_S = 60.0
-"""Longest wait for a robot process to start on a busy machine [s]."""
-READY_S = 30.0
-"""Longest wait for the page to start on a busy machine [s]."""
-_READY_S = 60.0
-"""Longest wait for the recorder before the stabilizer starts [s]."""
+"""Longest wait for robot, recorder or page to start on a busy machine [s]."""
 _FINISH_S = 60.0
 """Longest time for the recorder to finish its file after the run [s]."""
 
@@ -58,7 +54,7 @@ _FINISH_S = 60.0
 def recorder_argv(plan: RunPlan, folder: Path, endpoints: Path) -> list[str]:
     """Command line of the recorder."""
     return [
-        *("record", "--out", str(folder / RECORD), "--wait", str(_READY_S)),
+        *("record", "--out", str(folder / RECORD), "--wait", str(_START_S)),
         *_description_argv(plan),
         *(("--log-time", "simulated") if plan.mode == "lockstep" else ()),
         *(
@@ -76,13 +72,13 @@ def await_recorder(recorder: Child, *, events: SimpleQueue[Event]) -> None:
     Events of other children are kept for later.
     """
     others: list[Event] = []
-    end = time.monotonic() + _READY_S
+    end = time.monotonic() + _START_S
     while True:
         try:
             event = events.get(timeout=max(0.0, end - time.monotonic()))
         except Empty:
             _LOG.warning(
-                f"recorder: not ready within {_READY_S:g} s; the run begins without "
+                f"recorder: not ready within {_START_S:g} s; the run begins without "
                 "it, and the start may be missing from the record"
             )
             break
@@ -136,7 +132,7 @@ def start_live_page(
     words = ["view", *_description_argv(plan), "--port", str(port)]
     words += ["--endpoints", str(endpoints)]
     child = Child("view", words, log=folder / "view.log", events=events)
-    deadline = time.monotonic() + READY_S
+    deadline = time.monotonic() + _START_S
     try:
         while True:
             event = events.get(timeout=max(0.0, deadline - time.monotonic()))
@@ -148,7 +144,7 @@ def start_live_page(
     except Empty:
         child.stop()
         raise ChildFailedError(
-            f"view: the page was not there within {READY_S:g} s",
+            f"view: the page was not there within {_START_S:g} s",
             exit_code=ExitCode.FAILED,
         ) from None
     except BaseException:

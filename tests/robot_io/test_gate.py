@@ -64,7 +64,7 @@ moves = st.one_of(
 )
 
 
-@settings(max_examples=200, deadline=None)
+@settings(max_examples=200)
 @given(st.lists(st.tuples(moves, st.booleans()), max_size=30))
 def test_posture_stays_in_range_and_never_steps_further_than_allowed(
     wanted: list[tuple[Array, bool]],
@@ -85,7 +85,7 @@ def test_posture_stays_in_range_and_never_steps_further_than_allowed(
         assert np.all(gate.posture <= WALKER.upper)
 
 
-@settings(max_examples=100, deadline=None)
+@settings(max_examples=100)
 @given(st.lists(commands, max_size=40))
 def test_a_refused_command_moves_nothing_and_is_counted_once(
     offered: list[JointCommand],
@@ -105,7 +105,7 @@ def test_a_refused_command_moves_nothing_and_is_counted_once(
     assert gate.clipped == {limit: clips.count(limit) for limit in clips}
 
 
-@settings(max_examples=100, deadline=None)
+@settings(max_examples=100)
 @given(st.lists(st.floats(-1.0, 1.0), min_size=WALKER.n_a, max_size=WALKER.n_a))
 def test_commands_inside_the_limits_pass_unchanged(direction: list[float]) -> None:
     gate = active_gate()
@@ -122,7 +122,7 @@ def test_commands_inside_the_limits_pass_unchanged(direction: list[float]) -> No
     assert not gate.refused
 
 
-@settings(max_examples=100, deadline=None)
+@settings(max_examples=100)
 @given(
     st.integers(0, WALKER.n_a - 1),
     st.sampled_from([math.nan, math.inf, -math.inf]),

@@ -45,7 +45,7 @@ def refusal(data: bytes, kind: type[msgspec.Struct] = messages.JointCommand) -> 
 
 
 @every_kind
-@settings(deadline=None, max_examples=30)
+@settings(max_examples=30)
 @given(data=st.data())
 def test_messages_survive_the_wire(
     kind: type[msgspec.Struct], data: st.DataObject
@@ -55,7 +55,7 @@ def test_messages_survive_the_wire(
 
 
 @every_kind
-@settings(deadline=None, max_examples=10)
+@settings(max_examples=10)
 @given(data=st.data())
 def test_other_messagepack_libraries_speak_the_same(
     kind: type[msgspec.Struct], data: st.DataObject
@@ -66,7 +66,7 @@ def test_other_messagepack_libraries_speak_the_same(
     assert decode(msgpack.packb(plain), kind, joint_count=JOINT_COUNT) == message
 
 
-@settings(deadline=None, max_examples=300)
+@settings(max_examples=300)
 @given(kind=any_kind, data=st.binary(max_size=200))
 def test_arbitrary_bytes_raise_message_errors_only(
     kind: type[msgspec.Struct], data: bytes
@@ -75,7 +75,7 @@ def test_arbitrary_bytes_raise_message_errors_only(
         decode(data, kind, joint_count=JOINT_COUNT)
 
 
-@settings(deadline=None, max_examples=200)
+@settings(max_examples=200)
 @given(kind=any_kind, data=st.data())
 def test_damaged_messages_decode_or_raise_message_errors(
     kind: type[msgspec.Struct], data: st.DataObject
@@ -99,7 +99,7 @@ _PLAIN = st.recursive(
 )  # fmt: skip
 
 
-@settings(deadline=None, max_examples=300)
+@settings(max_examples=300)
 @given(kind=any_kind, data=st.data())
 def test_any_value_in_any_field_is_taken_or_named(
     kind: type[msgspec.Struct], data: st.DataObject
@@ -116,7 +116,7 @@ def test_any_value_in_any_field_is_taken_or_named(
     assert named.startswith(name) or (named == "" and name == "feet")
 
 
-@settings(deadline=None, max_examples=300)
+@settings(max_examples=300)
 @given(kind=any_kind, data=st.data())
 def test_the_quick_way_takes_nothing_that_two_steps_refuse(
     kind: type[msgspec.Struct], data: st.DataObject

@@ -2,7 +2,7 @@ from __future__ import annotations
 
 import tomllib
 
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from surefoot.run_plan import settings_text
@@ -19,7 +19,6 @@ _NAMES = st.from_regex(r"[a-z][a-z_0-9]{0,8}", fullmatch=True)
 _TABLES = st.dictionaries(_NAMES, _SCALARS | st.lists(_SCALARS, max_size=4), max_size=4)
 
 
-@settings(deadline=None)
 @given(st.dictionaries(_NAMES, _TABLES, max_size=4))
 def test_tables_read_back_as_written(tables: dict[str, dict[str, object]]) -> None:
     assert tomllib.loads(toml_text(tables)) == tables

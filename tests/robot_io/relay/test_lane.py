@@ -34,7 +34,7 @@ FAULTS = st.sampled_from(
         {"kind": "clock_jump", "seconds": -5.0},
     ]
 )
-QUICK = settings(deadline=None, max_examples=40)
+QUICK = settings(max_examples=40)
 IN_ORDER = ("drop", "delay", "jitter", "cut", "corrupt", "clock_jump")
 GAPS_S = st.lists(st.floats(0.0, 0.01), min_size=1, max_size=60)
 

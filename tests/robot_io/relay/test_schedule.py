@@ -9,7 +9,7 @@ from surefoot.robot_io.relay.forwarder import Schedule
 
 TIMES = st.lists(st.integers(0, 20), max_size=40)
 
-QUICK = settings(deadline=None, max_examples=40)
+QUICK = settings(max_examples=40)
 
 
 def drained(schedule: Schedule[int], now_s: float) -> list[int]:

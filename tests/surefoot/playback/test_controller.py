@@ -33,6 +33,10 @@ duration_s = 0.1
 """
 
 
+GOES = 3
+"""A recorder on a busy machine may miss a message, and says so."""
+
+
 def commands(path: Path) -> list[dict[str, Any]]:
     return [m.content for m in messages(path) if m.channel == "joint_command"]
 
@@ -70,8 +74,13 @@ def test_real_time_is_equal_with_the_ticks_that_were_answered(
     robot = patient_robot_file(tmp_path, hold_after_s=30.0, lease_s=60.0)
     gentle = [word for each in GENTLE for word in ("--set", each)]
     words = ("--realtime", "--robot", robot, "--controller", "whole-body", *gentle)
-    path = record_of(tmp_path, cut_short("moving-platform-fast", tmp_path, 1.5), *words)
-    code, found = check(path)
+    scenario = cut_short("moving-platform-fast", tmp_path, 1.5)
+    for go in range(GOES):
+        (folder := tmp_path / f"go{go}").mkdir()
+        path = record_of(folder, scenario, *words)
+        code, found = check(path)
+        if not any("lack a sensor's message" in note for note in found["notes"]):
+            break
     assert code == 0, found
     ticks = [command["tick"] for command in commands(path)]
     assert found["compared"] == len(ticks) > 0
