@@ -430,7 +430,7 @@ def test_a_record_is_never_replaced_without_asking(tmp_path: Path) -> None:
         claim_file(path)
     first.write(b"messages")
     first.close()
-    with pytest.raises(sf.UsageError, match="was cut off left"):
+    with pytest.raises(sf.UsageError, match="was left by a command that was cut off"):
         claim_file(path)
     assert (tmp_path / "a.mcap.partial").read_bytes() == b"messages"
     claim_file(path, overwrite=True).close()
