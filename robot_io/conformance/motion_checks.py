@@ -38,9 +38,10 @@ def check_joint_order(probe: Probe, findings: Findings) -> None:
         RunBrokenOffError: the robot gave us up because our answers came late.
     """
     names = probe.robot.joint_names
-    wrong = []
+    wrong: list[str] = []
     for index in range(probe.robot.n_a):
-        for stay_s in STAYS_S:
+        is_clear = bool(wrong or probe.was_too_late)  # no more patience will help
+        for stay_s in STAYS_S[:1] if is_clear else STAYS_S:
             moved = _nudge(probe, index, stay_s)
             least = max(SEEN_SHARE * NUDGE_RAD, OTHERS_SHARE * np.abs(moved).max())
             if follows := moved[index] >= least:
