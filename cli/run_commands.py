@@ -314,7 +314,11 @@ def settings(as_json: options.JsonOption = False) -> None:
 
     sections = msgspec.to_builtins(ControllerSettings())
     rows = [
-        {"name": f"{section.name}.{name}", "default": default, "text": docs[name]}
+        {
+            "name": f"{section.name}.{name}",
+            "default": default,
+            "text": docs[name].replace("``", "`"),
+        }
         for section in msgspec.structs.fields(ControllerSettings)
         for docs in [field_docs(section.type)]
         for name, default in sections[section.name].items()

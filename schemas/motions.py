@@ -68,7 +68,7 @@ class _Motion(FileStruct, frozen=True, kw_only=True):
 class _SizedMotion(_Motion, frozen=True, kw_only=True):
     """A motion with an amplitude."""
 
-    amplitude_m: float | None = None
+    amplitude_m: Annotated[float, msgspec.Meta(ge=-20.0, le=20.0)] | None = None
     """Amplitude along x, y or z; signed for ramps and drops."""
     amplitude_deg: float | None = None
     """Amplitude about roll, pitch or yaw; signed for ramps and drops."""

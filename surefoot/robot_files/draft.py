@@ -278,8 +278,8 @@ def find_meshes(draft: Draft, package_dirs: Sequence[Path]) -> None:
     if lost:
         draft.note(
             "left to you",
-            f"{len(lost)} meshes are not there and were left out, such as {lost[0]}; "
-            "name their folder with --package-dir",
+            f"mesh files that are not there were left out: {len(lost)}, such as "
+            f"{lost[0]}; name their folder with --package-dir",
         )
 
 
@@ -311,7 +311,7 @@ def carry_meshes(draft: Draft, out: Path, *, folder: str) -> Copies:
         size = sum(source.stat().st_size for source in copies.values())
         draft.note(
             "changed",
-            f"{len(copies)} meshes, {size / 1e6:.1f} MB, are copied to {folder}: files "
+            f"mesh files copied to {folder}: {len(copies)}, {size / 1e6:.1f} MB; files "
             "and folder can be moved together",
         )
     return copies

@@ -148,6 +148,10 @@ def test_no_refusal_offers_what_toml_has_not(scenario_file: Path) -> None:
             motion('axis = "z"\nkind = "sine"\namplitude_m = nan\nfrequency_hz = 1'),
             "platform[0].motion[0].amplitude_m",
         ),
+        (
+            motion('axis = "z"\nkind = "sine"\namplitude_m = 60\nfrequency_hz = 1'),
+            "platform[0].motion[0].amplitude_m",
+        ),
         (HEAD + "[sensors]\nforce_noise_n = -1", "sensors.force_noise_n"),
         (HEAD + "[delay]\ncommand_ms = -1", "delay.command_ms"),
         (HEAD + "[model_error]\nmass_scale = 0", "model_error.mass_scale"),

@@ -34,7 +34,7 @@ SMALL_DEG, STEEP_DEG = 0.6, 8.0
 SHARE = 0.02
 """Relative difference from the continuous filter that is allowed [1]."""
 TRACKED_M = 3e-3
-LEAST_INSIDE = 0.75
+MOST_OF_SOLE = 0.75
 """Bound of the CoM's distance from the middle, as a share of the half length [1].
 
 It covers the reach and a robot that is 8 mm off its reference.
@@ -310,7 +310,7 @@ def test_robot_on_steep_ground_stays_over_its_soles(
     assert run.statuses == {"ok"}
     over = (run.com_true - run.soles_true.mean(axis=1))[:, 0]
     half_length = model.half_sizes[0][0]
-    assert 0.5 * half_length < np.abs(over).max() < LEAST_INSIDE * half_length
+    assert 0.5 * half_length < np.abs(over).max() < MOST_OF_SOLE * half_length
 
 
 def swaying_robot(robot: Robot, scenario: dict[str, Any]) -> Run:

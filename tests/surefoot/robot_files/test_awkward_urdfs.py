@@ -63,7 +63,7 @@ STANDS = {
     ),
     "no sensor": case(urdf.without_sensor_mounts, "taken to sit at the ankle"),
     "meshes alone": case(urdf.with_meshes_alone, "240 x 120 mm"),
-    "lost pictures": case(urdf.with_lost_pictures, "meshes are not there"),
+    "lost pictures": case(urdf.with_lost_pictures, "mesh files that are not there"),
     "one knee reversed": case(urdf.with_one_knee_reversed, "knees at 1.28 and -1.28"),
     "impossible inertia, repaired": case(
         urdf.with_impossible_inertia, "repaired: left_thigh", repair_inertias=True
