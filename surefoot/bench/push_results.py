@@ -27,7 +27,7 @@ from surefoot.bench.push_cells import (
 )
 from surefoot.schemas.reasons import given
 from surefoot.studies.cell import Row
-from surefoot.studies.tables import canvas, svg_of
+from surefoot.studies.tables import canvas, svg_of, write_out
 
 _INTRO = (
     "A rod strikes the robot, swings it, or slowly leads it off; by a given way or by "
@@ -303,6 +303,7 @@ def draw_margins(title: str, results: Sequence[PushResult]) -> bytes:
     figure, _ = canvas(9.6, 3.6, columns=len(kinds))
     figure.suptitle(title)
     looks = styles([result.under for result in results])
+    frequencies = sorted({r.disturbance.frequency_hz for r in results})
     for axes, kind in zip(figure.axes, kinds, strict=True):
         for under, look in looks.items():
             there = [
@@ -319,6 +320,8 @@ def draw_margins(title: str, results: Sequence[PushResult]) -> bytes:
             )
         unit = "way [mm]" if kind == "sine-displacement" else "force [N]"
         axes.set(xscale="log", yscale="log", xlabel="frequency [Hz]")
+        write_out(axes.xaxis, frequencies)
+        write_out(axes.yaxis)
         axes.set(ylabel=f"{unit}, lowest to highest")
         axes.grid(alpha=0.3, which="both")
     return svg_of(figure)

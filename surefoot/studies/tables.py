@@ -204,6 +204,21 @@ def canvas(
     return figure, panels
 
 
+def write_out(axis: Any, numbers: Sequence[float] = ()) -> None:
+    """Label a logarithmic axis with whole numbers instead of powers of ten.
+
+    Args:
+        axis: an axis of a drawing, already logarithmic.
+        numbers: where to label it; 1, 2 and 5 times powers of ten when empty.
+    """
+    from matplotlib.ticker import FixedLocator, LogLocator, NullFormatter
+
+    locator = FixedLocator(numbers) if numbers else LogLocator(subs=(1.0, 2.0, 5.0))
+    axis.set_major_locator(locator)
+    axis.set_major_formatter("{x:g}")
+    axis.set_minor_formatter(NullFormatter())
+
+
 def svg_of(figure: Any, *, legend: bool = True) -> bytes:
     """Return a matplotlib figure as SVG; the same drawing gives the same bytes.
 
