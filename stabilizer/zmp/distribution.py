@@ -20,7 +20,7 @@ import numpy as np
 from surefoot.schemas.arrays import Array, Mat, Vec3
 from surefoot.schemas.law_settings import ZmpSettings
 from surefoot.stabilizer.control.tsid import sole_rows
-from surefoot.stabilizer.dynamics import NORMAL
+from surefoot.stabilizer.dynamics import NORMAL, cross
 from surefoot.stabilizer.model import RobotModel, skew
 from surefoot.stabilizer.qp import DenseQp, QpSolution
 
@@ -134,7 +134,7 @@ def zero_moment_point(wrench: Array, plane: Plane, *, otherwise: Vec3) -> Vec3:
     normal_force = float(plane.normal @ force)
     if normal_force < LEAST_NET_FORCE_N:
         return otherwise
-    point: Vec3 = plane.origin + np.cross(plane.normal, moment) / normal_force
+    point: Vec3 = plane.origin + cross(plane.normal, moment) / normal_force
     return point
 
 
