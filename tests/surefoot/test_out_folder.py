@@ -423,6 +423,25 @@ def test_of_two_that_write_one_name_at_once_one_is_refused(tmp_path: Path) -> No
     assert sorted(tmp_path.iterdir()) == [path, mine]
 
 
+def test_a_new_file_needs_no_hard_links(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def refuse(*names: object) -> None:
+        raise PermissionError(errno.EPERM, os.strerror(errno.EPERM), *names)
+
+    monkeypatch.setattr(os, "link", refuse)  # as on a FAT or a network drive
+    path = tmp_path / "a.csv"
+    with new_file(path, overwrite=False) as file:
+        file.write(b"first")
+    with (
+        pytest.raises(sf.UsageError, match="another command wrote it meanwhile"),
+        new_file(path, overwrite=False) as file,
+    ):
+        file.write(b"second")
+    assert path.read_bytes() == b"first"
+    assert [*tmp_path.iterdir()] == [path]
+
+
 def test_a_record_is_never_replaced_without_asking(tmp_path: Path) -> None:
     path = tmp_path / "a.mcap"
     first = claim_file(path)
