@@ -126,7 +126,7 @@ class Trials:
             raise UsageError(f"--storage {path}: no search of surefoot; name another")
         self.spec = msgspec.convert(told, Spec)
         if spec is not None:
-            self.spec.check_same(spec, path)
+            self.spec.check_same(spec, place=f"--storage {path}")
 
     @contextmanager
     def worker(self) -> Iterator[str]:
