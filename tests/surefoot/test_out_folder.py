@@ -119,7 +119,7 @@ def test_an_error_before_anything_is_worth_keeping_leaves_no_trace(
     plan = make_plan(scenario)
     with pytest.raises(sf.ScenarioError, match="tail"):
         execute(plan, out=out)
-    assert not out.exists()
+    assert [*tmp_path.iterdir()] == []
 
 
 def test_a_command_that_is_refused_leaves_the_former_run(tmp_path: Path) -> None:
