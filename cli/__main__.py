@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 import os
 import signal
 import sys
@@ -22,6 +23,8 @@ if not os.environ.get("COLUMNS", "1").strip("0"):
 def main() -> None:
     """Run the command line; exits with a code of :class:`ExitCode`."""
     interruption = _Interruption()
+    if isinstance(sys.stdout, io.TextIOWrapper):  # a file name may not fit its encoding
+        sys.stdout.reconfigure(errors="backslashreplace")
     try:
         from surefoot.cli.app import app
 

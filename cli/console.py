@@ -103,7 +103,8 @@ def print_json(
     value: msgspec.Struct | dict[str, Any] | Sequence[msgspec.Struct | dict[str, Any]],
 ) -> None:
     """Print a result for scripts: one JSON text on one line, nothing else."""
-    sys.stdout.write(json_bytes(value).decode() + "\n")
+    sys.stdout.flush()
+    sys.stdout.buffer.write(json_bytes(value) + b"\n")  # UTF-8, whatever the terminal
     sys.stdout.flush()
 
 

@@ -282,22 +282,17 @@ def report(
             f"a report needs {', '.join(missing)}, not installed here; "
             f"{install_command('view')}"
         )
-    from surefoot.report.video import check_drawing, load_drawing
+    from surefoot.report.video import load_drawing
 
     if video or animation:
         load_drawing()  # before the simulator is loaded for anything else
-    from surefoot.report.run_data import load_runs
+    from surefoot.report.page import write_report
     from surefoot.run_folder import folder_of_run
 
     folders = [folder_of_run(run) for run in runs]
-    loaded = load_runs(folders)
     folder = out or (folders[0] if len(runs) == 1 else folders[0].parent) / "report"
-    if video or animation:
-        check_drawing(loaded[0], video=video)
-    from surefoot.report.page import write_report  # heavy: errors come first
-
     write_report(
-        loaded,
+        folders,
         folder,
         overwrite=overwrite,
         video=video,

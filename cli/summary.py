@@ -113,7 +113,7 @@ def controller_table(
 def relay_table(result: RelayResult) -> Table:
     """Return a table of what a relay did to each channel."""
     kinds = [kind for kind in _fault_counts(result) if kind not in _PASSAGE]
-    table = Table("channel", *_PASSAGE, *kinds, title=result.plan)
+    table = new_table(result.plan, "channel", *_PASSAGE, *kinds)
     for name, counts in result.counts.items():
         row = [str(counts.get(kind, 0)) for kind in (*_PASSAGE, *kinds)]
         table.add_row(name, *row)
@@ -166,16 +166,14 @@ def _in_cell(value: object) -> str:
 
 def _figures(title: str) -> Table:
     table = Table(title=title, title_justify="left", show_header=False)
-    table.add_column(no_wrap=True)
-    table.add_column(justify="right", no_wrap=True)
+    table.add_column(overflow="fold")
+    table.add_column(justify="right", overflow="fold")
     return table
 
 
 def _add_outcome(table: Table, judgement: Judgement) -> None:
     colour = "green" if judgement.outcome.is_up else "red"
-    said = Text(judgement.sentence, f"bold {colour}")
-    said.overflow, said.no_wrap = "fold", False
-    table.add_row("outcome", said)
+    table.add_row("outcome", Text(judgement.sentence, f"bold {colour}"))
 
 
 def _add_motion(table: Table, result: RunResult | PlantResult) -> None:
@@ -323,7 +321,7 @@ def counts_table(counts: Iterable[ChannelCount]) -> Table:
     counts = list(counts)
     odd = any(count.unreadable for count in counts)
     headings = ("channel", "messages", "first", "last", "missing", "restarts")
-    table = Table(*headings, *(("not readable",) if odd else ()))
+    table = new_table("", *headings, *(("not readable",) if odd else ()))
     for count in counts:
         counted = bool(count.counted_by)
         row = (
@@ -341,7 +339,8 @@ def counts_table(counts: Iterable[ChannelCount]) -> Table:
 
 def outcome_table(outcome: ReplayOutcome) -> Table:
     """Return a table with one row per stabilizer of the record."""
-    table = Table("stabilizer", "controller", "ticks", "compared", "differing")
+    headings = ("stabilizer", "controller", "ticks", "compared", "differing")
+    table = new_table("", *headings)
     for session in outcome.sessions:
         table.add_row(
             session.commander,

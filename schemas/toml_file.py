@@ -226,13 +226,26 @@ def atomic_file(
         opened = os.open(partial, os.O_WRONLY | os.O_CREAT | os.O_EXCL, mode)
         with os.fdopen(opened, "wb") as file:
             yield file
-        if overwrite:
-            partial.replace(path)
-        else:
-            os.link(partial, path)  # unlike a renaming, it replaces nothing
+        if not overwrite:
+            _take_name(path, partial)
+        partial.replace(path)
     except OSError as error:
         if error.filename in (None, str(partial)):  # a failed write names no file
             error.filename = str(path)
         raise
     finally:
         partial.unlink(missing_ok=True)
+
+
+def _take_name(path: Path, partial: Path) -> None:
+    """Give a file a new name, its second one; unlike a renaming, replace nothing.
+
+    Raises:
+        FileExistsError: the name is taken.
+    """
+    try:
+        os.link(partial, path)
+    except FileExistsError:
+        raise
+    except OSError:  # FAT and some network drives have no second names
+        os.close(os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL))

@@ -268,7 +268,7 @@ class OutFolder:
         self._former: Path | None = None
         self._marker, self._content, self._ours = marker, content, tuple(ours)
         self._reads, self._overwrite = tuple(reads), overwrite
-        self._is_new = False
+        self._made: list[Path] = []
         self._lock: FolderLock | None = None
         self.path = Path() if out is None else out
 
@@ -282,7 +282,7 @@ class OutFolder:
         if self.out is None:
             self.path = Path(tempfile.mkdtemp(prefix="surefoot-"))
             return self
-        self._is_new = not self.out.exists()
+        self._made = not_there(self.out)
         make_out_folder(self.out, out=self.out)
         self._lock = FolderLock(self.path)
         try:
@@ -309,9 +309,7 @@ class OutFolder:
             if self._former is not None:
                 self._bring_back(self._former)
                 self._former = None
-            if self._is_new:
-                with suppress(OSError):  # another program put a file there
-                    self.path.rmdir()
+            take_away(self._made)
         self._forget_former()
         self._release()
 

@@ -23,6 +23,7 @@ from surefoot.bench.sway_response import (
     frequency_response,
     human_sway,
 )
+from surefoot.schemas.arrays import Array
 from surefoot.schemas.reasons import NONE, given
 from surefoot.studies.cell import Row, is_up
 from surefoot.studies.tables import canvas, svg_of
@@ -48,7 +49,10 @@ _TEXTS = {
         "Gain, phase and coherence at the eleven frequencies; bars are 95 % bands. The "
         "first cycle is left out.",
     ),
-    "Sines": ("Gain and phase at the frequency of the sine, over four periods.",),
+    "Sines": (
+        "Gain and phase at the frequency of the sine, over four periods. Phases are "
+        "drawn beside people's: they may be whole turns from those in the table.",
+    ),
     "Steps of one second": (
         "Sway should come back; settled is what stays within 2 % of the step. The "
         "answer is the body's way against the ground: delay to half of it, rise to "
@@ -331,7 +335,7 @@ def _draw_people(gain: Any, phase: Any, frequencies: Any) -> None:
         gain.fill_between(
             frequencies, low, high, color="0.5", lw=0, alpha=alpha, label=label
         )
-    gain.plot(frequencies, p[50], color="0.35", lw=1.0)
+    gain.plot(frequencies, p[50], color="0.35", lw=1.0, label="median; phase: mean")
     phase.plot(frequencies, human.phase_deg, color="0.35", lw=1.0)
 
 
@@ -368,14 +372,24 @@ def _draw_sines(title: str, results: Sequence[SwayResult]) -> bytes:
     return svg_of(figure)
 
 
+def sway_since(result: SwayResult) -> tuple[Array, Array]:
+    """Return times [s] and sway [deg] from the beginning of a step on.
+
+    Like the figures they count from there: the robot leans and settles before it.
+    """
+    curve = result.seen["curve"]
+    time_s, sway_deg = np.array(curve["time_s"]), np.array(curve["sway_deg"])
+    begun = time_s >= 0.0
+    return time_s[begun], sway_deg[begun] - np.interp(0.0, time_s, sway_deg)
+
+
 def _draw_steps(title: str, results: Sequence[SwayResult]) -> bytes:
     figure, sway = canvas(8.6, 3.0)
     figure.suptitle(title)
     looks = styles([result.under for result in results])
     for result in results:
         if result.seen:
-            curve = result.seen["curve"]
             look, label = looks[result.under], result.under.label
-            sway.plot(curve["time_s"], curve["sway_deg"], label=label, lw=1.1, **look)
-    sway.set(ylabel="sway [deg]", xlabel="time since the step began [s]")
+            sway.plot(*sway_since(result), label=label, lw=1.1, **look)
+    sway.set(ylabel="sway since then [deg]", xlabel="time since the step began [s]")
     return svg_of(figure)

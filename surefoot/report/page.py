@@ -22,9 +22,10 @@ from surefoot.report.panels import (
     scene_page,
     tells_forces,
 )
-from surefoot.report.run_data import RunData
+from surefoot.report.run_data import RunData, load_runs
 from surefoot.report.tables import figure_rows, sentence, setting_rows
-from surefoot.report.video import draw_animation, draw_video
+from surefoot.report.video import check_drawing, draw_animation, draw_video
+from surefoot.run_folder import read_ends
 from surefoot.schemas.arrays import MS_PER_S
 from surefoot.schemas.settings import setting_names
 from surefoot.view.robot_shape import RobotShape
@@ -177,7 +178,7 @@ def _versions(runs: list[RunData]) -> dict[str, list[str]]:
 
 
 def write_report(
-    runs: list[RunData],
+    run_folders: list[Path],
     out: Path,
     *,
     overwrite: bool = False,
@@ -188,9 +189,12 @@ def write_report(
     """Write a report; on failure nothing is left.
 
     Raises:
-        UsageError: ``out`` exists and may not be overwritten.
+        UsageError: ``out`` exists and may not be overwritten, or a run is missing,
+            unfinished or unreadable.
+        EnvironmentFailedError: a video or animation cannot be drawn here.
     """
-    shape = RobotShape(runs[0].robot)
+    for run_folder in run_folders:
+        read_ends(run_folder)
     with OutFolder(
         out,
         marker=REPORT_MARKER,
@@ -198,6 +202,10 @@ def write_report(
         ours=REPORT_FILES,
         overwrite=overwrite,
     ) as folder:
+        runs = load_runs(run_folders)
+        if video or animation:
+            check_drawing(runs[0], video=video)
+        shape = RobotShape(runs[0].robot)
         media = [
             _media(
                 folder.path,

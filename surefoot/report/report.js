@@ -17,7 +17,8 @@
       return { ...axis, title: { text: `${panel.title} [${panel.unit}]` } };
     return {
       ...axis,
-      title: { text: panel.title },
+      title: { text: panel.title, standoff: 8 }, // beside the longest word
+      automargin: true,
       tickvals: panel.words.map((_, row) => row),
       ticktext: panel.words,
       range: [-0.3, panel.words.length - 0.7],
@@ -200,8 +201,13 @@
       },
       { rootMargin: "400px" },
     );
-    for (const element of document.querySelectorAll("[data-panel]"))
-      watcher.observe(element);
+    const plots = document.querySelectorAll("[data-panel]");
+    for (const element of plots) watcher.observe(element);
+    window.addEventListener("beforeprint", () => { // paper shows all of them
+      watcher.disconnect();
+      for (const element of plots)
+        if (!drawn.has(element)) draw(element, panels.get(element.dataset.panel));
+    });
   }
 
   function addRestart() {

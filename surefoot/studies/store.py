@@ -29,12 +29,13 @@ from surefoot.out_folder import (
     write_json,
 )
 from surefoot.run_plan import RunPlan
+from surefoot.schemas.result import RunResult
 from surefoot.schemas.scenario import with_recordings
 from surefoot.schemas.toml_file import atomic_file
 from surefoot.sim_robot.catalogue import naming_scenario
 from surefoot.sim_robot.recorded import recorded_ground, recorded_track
 from surefoot.stabilizer.factory import CONTROLLERS, find_target
-from surefoot.studies.cell import Row, Task
+from surefoot.studies.cell import FIGURES, Row, Task
 
 ROOT = "surefoot.simulation"
 """The module that runs one plan."""
@@ -50,6 +51,19 @@ PACKAGES = ("mujoco", "pin", "piqp", "numpy")
 """Packages that affect the figures."""
 _FOLDER = Path(__file__).resolve().parents[2]
 STUDY, RUNS = "study.json", "runs.jsonl"
+_Kept = msgspec.defstruct(
+    "_Kept",
+    [
+        *((name, str) for name in ("key", "inputs", "variant", "servo_profile")),
+        ("seed", int),
+        *(
+            (f.name, f.type)
+            for f in msgspec.structs.fields(RunResult)
+            if f.name in FIGURES
+        ),
+    ],
+)
+"""What every row has, with types. Rows also tell what varies in their kind of study."""
 
 
 def about_code() -> dict[str, str]:
@@ -202,10 +216,11 @@ class StudyStore:
         """
         if self._file is not None:
             return
-        files = self._path, self._folder / STUDY
-        self._made = [path for file in files for path in not_there(file)]
+        self._made = not_there(self._folder)
         make_out_folder(self._folder, out=self._folder)
         self._lock = FolderLock(self._folder)
+        # Only now: until then they could be those of another command.
+        self._made += [f for f in (self._path, self._folder / STUDY) if not f.exists()]
         # Another command may have finished some runs since the first look.
         self.rows = {row["key"]: row for row in read_rows(self._folder)}
         write_json(self._folder / STUDY, self.about)
@@ -288,13 +303,12 @@ def read_rows(folder: Path) -> Iterable[Row]:
     for number, line in enumerate(lines, start=1):
         try:
             row = msgspec.json.decode(line, type=Row)
-            has_key = isinstance(row.get("key"), str)
-        except msgspec.DecodeError:
-            has_key = False
-        if has_key:
-            yield row
-        elif number < len(lines) or line.endswith(b"\n"):
+            msgspec.convert(row, _Kept)
+        except msgspec.DecodeError as error:
+            if number == len(lines) and not line.endswith(b"\n"):
+                return
             raise UsageError(
-                f"{path}, line {number}: is no finished run of a study; take the line "
-                "out to have that run made again, or name another folder"
-            )
+                f"{path}, line {number}: is no finished run of a study ({error}); take "
+                "the line out to have that run made again, or name another folder"
+            ) from error
+        yield row

@@ -116,6 +116,13 @@ def short_name(name: str) -> str:
     return law if colon else Path(path).name.removesuffix(".toml")
 
 
+def short_names(names: Iterable[str]) -> dict[str, str]:
+    """Return names for plots; those that only their folders tell apart keep these."""
+    short = {name: short_name(name) for name in names}
+    taken = list(short.values())
+    return {n: s if taken.count(s) == 1 else n for n, s in short.items()}
+
+
 def value_in_words(path: str) -> str:
     """Return the value at a scenario's path in words, with its unit.
 
@@ -133,12 +140,13 @@ def value_in_words(path: str) -> str:
 def curves_over(summaries: Summaries, *, scenario: str, name: str) -> list[Curve]:
     """Return a scenario's curves over one varied value; all else is equal."""
     found: dict[str, list[tuple[float, float, float, float]]] = {}
+    variants = short_names(group.variant for group in summaries)
     for group, summary in summaries.items():
         values = dict(group.values)
         if group.scenario != scenario or name not in values:
             continue
         others = [f"{k} {in_words(v)}" for k, v in values.items() if k != name]
-        label = ", ".join([short_name(group.variant), group.servo_profile, *others])
+        label = ", ".join([variants[group.variant], group.servo_profile, *others])
         rate = summary.up / summary.runs
         point = (float(values[name]), rate, summary.up_from, summary.up_to)
         found.setdefault(label, []).append(point)
@@ -329,8 +337,10 @@ def write_summary(folder: Path, summaries: Summaries) -> None:
     if varied and find_spec("matplotlib") is None:
         _LOG.warning("no success curves: matplotlib is missing; the extra `report`")
         return
+    titles = short_names(scenario for scenario, _ in varied)
     for scenario, name in sorted(varied):
         curves = curves_over(summaries, scenario=scenario, name=name)
-        stem = short_name(scenario)
-        svg = draw_curves(curves, xlabel=value_in_words(name), title=stem, mark=None)
+        title = titles[scenario]
+        svg = draw_curves(curves, xlabel=value_in_words(name), title=title, mark=None)
+        stem = title.removesuffix(".toml").strip("/").replace("/", "-")
         write_whole(folder / f"success-{stem}-{name.replace('*', 'all')}.svg", svg)

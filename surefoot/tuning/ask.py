@@ -142,8 +142,12 @@ class Spec(msgspec.Struct, frozen=True, kw_only=True):
             seed=seed, n_startup_trials=_STARTUP, multivariate=True
         )
 
-    def check_same(self, other: Spec, path: Path) -> None:
-        """Check that a journal is resumed with the specification it was begun with.
+    def check_same(self, other: Spec, *, place: str) -> None:
+        """Check that a search is resumed with the specification it was begun with.
+
+        Args:
+            other: what is asked for now.
+            place: option and path of the journal or folder, for the error.
 
         Raises:
             UsageError: it belongs to another search; the message names the difference.
@@ -152,8 +156,8 @@ class Spec(msgspec.Struct, frozen=True, kw_only=True):
         differing = [name for name in kept if kept[name] != asked.get(name)]
         if differing:
             raise UsageError(
-                f"--storage {path}: holds another search (differing: "
-                f"{', '.join(differing)}); go on with the same, or name another file"
+                f"{place}: holds another search (differing: {', '.join(differing)}); "
+                "go on with the same, or name another place"
             )
 
 

@@ -13,11 +13,13 @@ import optuna
 import tomli_w
 from optuna.importance import PedAnovaImportanceEvaluator, get_param_importances
 
+from surefoot.errors import UsageError
 from surefoot.out_folder import write_json, write_whole
 from surefoot.run_plan import resolve_settings
 from surefoot.schemas.settings import ControllerSettings
 from surefoot.studies.paper_page import inline_svg, render
 from surefoot.studies.tables import canvas, svg_of, write_rows
+from surefoot.tuning.ask import Spec
 from surefoot.tuning.outcome import Candidate, Comparison, Tuned, value_text
 from surefoot.tuning.parameters import overrides_of
 
@@ -32,6 +34,8 @@ OUTCOME, SETTINGS, PAGE, TRIALS = (
     "trials.csv",
 )
 FRONT = "front"
+SPEC = "search"
+"""Key of the specification in tune.json."""
 LEAST_FOR_IMPORTANCE = 20
 """Number of trials below which no importance is shown."""
 
@@ -121,6 +125,25 @@ def write_outcome(folder: Path, tuned: Tuned, study: optuna.Study) -> None:
     write_whole(folder / PAGE, render(TEMPLATE, **_values(tuned, weights)).encode())
 
 
+def read_spec(folder: Path) -> Spec | None:
+    """Return the specification of the search whose outcome a folder holds, if any.
+
+    Raises:
+        UsageError: tune.json does not say it.
+    """
+    path = folder / OUTCOME
+    if not path.is_file():
+        return None
+    try:
+        told = msgspec.json.decode(path.read_bytes(), type=dict[str, Any])
+        return msgspec.convert(told.get(SPEC), Spec)
+    except msgspec.DecodeError as error:
+        raise UsageError(
+            f"--out {folder}: {OUTCOME} there does not say of which search it is "
+            f"({error}), and its files would be replaced; name another folder"
+        ) from error
+
+
 def importance(tuned: Tuned, study: optuna.Study) -> dict[str, dict[str, float]]:
     """Return each parameter's weight for each objective, between 0 and 1.
 
@@ -170,6 +193,7 @@ def as_dict(
         "words": tuned.words,
         "settings": tuned.overrides,
         "about": tuned.spec.about,
+        SPEC: msgspec.to_builtins(tuned.spec),
     }
 
 

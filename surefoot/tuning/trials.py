@@ -14,6 +14,7 @@ from __future__ import annotations
 
 import argparse
 import fcntl
+import json
 import os
 import sys
 import uuid
@@ -124,9 +125,15 @@ class Trials:
                 told = msgspec.to_builtins(spec)
         if told is None:
             raise UsageError(f"--storage {path}: no search of surefoot; name another")
-        self.spec = msgspec.convert(told, Spec)
+        try:
+            self.spec = msgspec.convert(told, Spec)
+        except msgspec.ValidationError as error:
+            raise UsageError(
+                f"--storage {path}: holds a search of another version of surefoot "
+                f"({error}); name a new file"
+            ) from error
         if spec is not None:
-            self.spec.check_same(spec, path)
+            self.spec.check_same(spec, place=f"--storage {path}")
 
     @contextmanager
     def worker(self) -> Iterator[str]:
@@ -242,6 +249,8 @@ def _open(path: Path, spec: Spec | None) -> optuna.Study:
             f"--storage {path}: {error.strerror or error}; name a file in a folder "
             "that can be written to"
         ) from error
+    except UsageError:
+        raise
     except (ValueError, KeyError) as error:
         raise UsageError(
             f"--storage {path}: no journal of a search; name a new file"
@@ -249,10 +258,11 @@ def _open(path: Path, spec: Spec | None) -> optuna.Study:
 
 
 def _check_journal(path: Path) -> None:
-    """Check the first line: opening a file of another kind would write into it.
+    """Check the lines: opening a file of another kind would write into it.
 
     Raises:
-        ValueError: the line is not the first one of a journal.
+        ValueError: the first line is not that of a journal.
+        UsageError: another complete line is damaged.
     """
     if not path.exists():
         return
@@ -260,8 +270,17 @@ def _check_journal(path: Path) -> None:
         raise ValueError(path)
     with path.open("rb") as file:
         head = file.readline(_TAIL_BYTES)
-    if head and msgspec.json.decode(head, type=_Head).study_name != STUDY:
-        raise ValueError(path)
+        if head and msgspec.json.decode(head, type=_Head).study_name != STUDY:
+            raise ValueError(path)
+        for number, line in enumerate(file, start=2):
+            try:
+                json.loads(line)  # Optuna writes NaN, which msgspec does not read
+            except ValueError as error:
+                if line.endswith(b"\n"):
+                    raise UsageError(
+                        f"--storage {path}, line {number}: is damaged, and later lines "
+                        "count on it; put the file back as it was, or name a new one"
+                    ) from error
 
 
 class _Head(msgspec.Struct):

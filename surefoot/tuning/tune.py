@@ -22,10 +22,10 @@ from surefoot.studies.cell import Row
 from surefoot.studies.execute import check_address, run_tasks
 
 try:
-    from surefoot.tuning.ask import Params, Sampler, held_out_cells, make_spec
+    from surefoot.tuning.ask import Params, Sampler, Spec, held_out_cells, make_spec
     from surefoot.tuning.objectives import TuneCell
     from surefoot.tuning.outcome import Candidate, Tuned, choose, compare
-    from surefoot.tuning.page import OUTCOME, write_outcome
+    from surefoot.tuning.page import OUTCOME, read_spec, write_outcome
     from surefoot.tuning.parameters import rounded
     from surefoot.tuning.trials import (
         MOST_LOSSES,
@@ -130,7 +130,7 @@ def tune(
     with undone_on_error() as making:
         making(folder)
         making(workers_folder(journal))
-        _claim(folder, journal)
+        _claim(folder, journal, spec)
         tries = Trials(journal, spec)
     processes = workers or os.cpu_count() or 1
     runs: tuple[list[Row], list[Row]] = ([], [])
@@ -290,11 +290,13 @@ def _conclude(
     )
 
 
-def _claim(folder: Path, journal: Path) -> None:
-    """Check that the folder is new, or that of a former search."""
+def _claim(folder: Path, journal: Path, spec: Spec) -> None:
+    """Check that the folder is new, or that of the same search."""
     is_journal_in_it = journal.parent == folder and journal.is_file()
     known = (folder / OUTCOME).is_file() or is_journal_in_it
     if folder.is_dir() and any(folder.iterdir()) and not known:
         raise UsageError(f"--out {folder}: holds something else; name another folder")
+    if (former := read_spec(folder)) is not None:
+        former.check_same(spec, place=f"--out {folder}")
     make_out_folder(folder, out=folder)
     make_out_folder(journal.parent, out=journal, option="--storage")

@@ -68,6 +68,29 @@ def plots(offline: Any, report: Path) -> Any:
     page.close()
 
 
+def test_paper_shows_every_plot(offline: Any, report: Path) -> None:
+    page = offline.new_page()
+    page.route("**/scene-*.html", lambda route: route.fulfill(body="scene"))
+    page.goto((report / "index.html").as_uri())
+    page.evaluate("window.dispatchEvent(new Event('beforeprint'))")
+    drawn = page.locator("[data-panel][data-drawn]").count
+    assert page.locator("[data-panel]").count() >= PANELS
+    wait_until(
+        lambda: drawn() == page.locator("[data-panel]").count(), what="every plot"
+    )
+    page.close()
+
+
+def test_an_axis_of_words_is_named_beside_them(plots: Any) -> None:
+    panel = plots.locator("[data-panel=state]")
+    panel.scroll_into_view_if_needed()
+    wait_until(partial(panel.get_attribute, "data-drawn"), what="the plot")
+    name = panel.locator(".ytitle").bounding_box()
+    words = [word.bounding_box() for word in panel.locator(".ytick text").all()]
+    assert len(words) > 1
+    assert all(name["x"] + name["width"] <= word["x"] for word in words)
+
+
 def test_every_plot_is_drawn_when_it_comes_into_view(plots: Any) -> None:
     panels = plots.locator("[data-panel]")
     assert panels.count() >= PANELS

@@ -2,16 +2,24 @@
 
 from __future__ import annotations
 
+import json
 import os
 import pty
 import re
 import subprocess
 import sys
+from io import StringIO
+from itertools import zip_longest
 from pathlib import Path
 
+import msgspec
 import pytest
+from rich.console import Console
 
-from tests.command import environment
+import surefoot as sf
+from surefoot.cli.summary import counts_table, run_table
+from surefoot.recording.write import new_count
+from tests.command import environment, scenario_file
 from tests.support import PATIENCE_S
 
 COLOUR = re.compile(rb"\x1b\[(?:\d+;)*(?:3[0-8]|9[0-7])m")
@@ -86,6 +94,47 @@ def test_a_pipe_gets_plain_text(
     )
     assert b"\x1b" not in done.stdout + done.stderr
     assert b"\r" not in done.stdout + done.stderr
+
+
+def test_an_encoding_without_umlauts_ends_no_command(tmp_path: Path) -> None:
+    scenario = scenario_file(tmp_path, 0.02, name="rüttel")
+
+    def printed(*words: str) -> bytes:
+        done = subprocess.run(
+            [sys.executable, "-m", "surefoot.cli", "run", str(scenario), *RUN, *words],
+            cwd=tmp_path,
+            env=plain(PYTHONIOENCODING="ascii"),
+            capture_output=True,
+            timeout=PATIENCE_S,
+            check=False,
+        )
+        assert done.returncode == 0, done.stderr
+        return done.stdout
+
+    assert b"r\\xfcttel, hold" in printed()
+    assert json.loads(printed("--json"))["scenario"] == "rüttel"
+
+
+def test_a_narrow_terminal_cuts_nothing_off_a_table() -> None:
+    result = sf.simulate(
+        "walker", sf.Scenario(name="short", duration_s=0.02), controller="hold"
+    ).result
+    place = "/home/me/studies/of/a/platform/that/falls/by/eighty/millimetres/seed-3"
+    channel = "a_channel_of_another_program"
+    tables = {
+        place: run_table(msgspec.structs.replace(result, out=place)),
+        channel: counts_table([new_count(channel)]),
+    }
+    for text, table in tables.items():
+        shown = StringIO()
+        Console(file=shown, width=50).print(table)
+        assert "…" not in shown.getvalue()
+        cells = [line.split("│")[1:-1] for line in shown.getvalue().splitlines()]
+        columns = [
+            "".join(map(str.strip, column))
+            for column in zip_longest(*(row for row in cells if row), fillvalue="")
+        ]
+        assert any(text in column for column in columns)
 
 
 @pytest.mark.parametrize("columns", ["", "0"])

@@ -119,7 +119,7 @@ def test_an_error_before_anything_is_worth_keeping_leaves_no_trace(
     plan = make_plan(scenario)
     with pytest.raises(sf.ScenarioError, match="tail"):
         execute(plan, out=out)
-    assert not out.exists()
+    assert [*tmp_path.iterdir()] == []
 
 
 def test_a_command_that_is_refused_leaves_the_former_run(tmp_path: Path) -> None:
@@ -421,6 +421,25 @@ def test_of_two_that_write_one_name_at_once_one_is_refused(tmp_path: Path) -> No
     assert path.read_text() == "third"
     assert mine.read_text() == "the user's own"
     assert sorted(tmp_path.iterdir()) == [path, mine]
+
+
+def test_a_new_file_needs_no_hard_links(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def refuse(*names: object) -> None:
+        raise PermissionError(errno.EPERM, os.strerror(errno.EPERM), *names)
+
+    monkeypatch.setattr(os, "link", refuse)  # as on a FAT or a network drive
+    path = tmp_path / "a.csv"
+    with new_file(path, overwrite=False) as file:
+        file.write(b"first")
+    with (
+        pytest.raises(sf.UsageError, match="another command wrote it meanwhile"),
+        new_file(path, overwrite=False) as file,
+    ):
+        file.write(b"second")
+    assert path.read_bytes() == b"first"
+    assert [*tmp_path.iterdir()] == [path]
 
 
 def test_a_record_is_never_replaced_without_asking(tmp_path: Path) -> None:

@@ -22,7 +22,7 @@ from surefoot.bench.sway_cells import (
     sway_cell,
 )
 from surefoot.bench.sway_response import human_sway
-from surefoot.bench.sway_results import beside_people, sway_result
+from surefoot.bench.sway_results import beside_people, sway_result, sway_since
 from surefoot.errors import UsageError
 from surefoot.sim_robot.motion import motion_law
 from surefoot.sim_robot.state_view import PlantTruth, PlatformPose
@@ -97,6 +97,24 @@ def test_a_person_on_sines_is_drawn_on_people() -> None:
     whole_turns = (human.phase_deg + 180.0) % 360.0 - 180.0
     drawn = beside_people(human.frequencies_hz.tolist(), whole_turns.tolist())
     assert drawn == pytest.approx(human.phase_deg)
+
+
+def test_a_step_is_drawn_from_where_the_robot_was_when_it_began() -> None:
+    stimulus, share, lean_deg = Stimulus("transient", "pitch", 2.0), 0.5, -0.7
+    cell = sway_cell(stimulus, ME, height_m=HEIGHT_M)
+    law = motion_law(cell.scenario.platform[0].motion[0])
+    probe = SwayProbe(stimulus, HEIGHT_M)
+    for time_s in np.arange(0.0, cell.scenario.duration_s + 0.005, 0.01):
+        ground, _ = law(time_s)
+        lean = share * ground + math.radians(lean_deg)
+        probe.take(float(time_s), truth(lean=lean, axis="pitch", ground=ground))
+    result = sway_result(cell, {"seen": probe.figures(), "outcome": "stood"})
+    time_s, sway_deg = sway_since(result)
+    assert time_s[0] == 0.0
+    assert sway_deg[0] == pytest.approx(0.0, abs=1e-3)
+    assert sway_deg[-1] == pytest.approx(share * stimulus.size_deg, abs=1e-3)
+    peak_deg = result.seen["sway_peak"] * stimulus.size_deg
+    assert sway_deg.max() == pytest.approx(peak_deg, abs=1e-3)
 
 
 def test_a_translation_is_as_large_as_the_tilt_it_is_named_by() -> None:

@@ -2,10 +2,19 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import pytest
 
-from surefoot.studies.study import success_interval
-from surefoot.studies.tables import short_name, success_limit, value_in_words
+from surefoot.studies.cell import Group
+from surefoot.studies.study import GroupSummary, success_interval
+from surefoot.studies.tables import (
+    curves_over,
+    short_name,
+    success_limit,
+    value_in_words,
+    write_summary,
+)
 
 TOLERANCE = 1e-4
 
@@ -54,6 +63,30 @@ def test_limit_lies_where_half_the_runs_fall(
 )
 def test_plots_name_things_without_their_folders(name: str, shown: str) -> None:
     assert short_name(name) == shown
+
+
+def test_plots_keep_apart_what_only_folders_tell_apart(tmp_path: Path) -> None:
+    pytest.importorskip("matplotlib")
+    laws = ("a/own.py:Law", "b/own.py:Law")
+    groups = {
+        Group(scenario, (("friction", friction),), law, "ideal"): GroupSummary(
+            runs=1, up=int(law == laws[0]), up_from=0.0, up_to=1.0
+        )
+        for scenario in ("old/ramp.toml", "new/ramp.toml", "standing")
+        for friction in (0.4, 0.7)
+        for law in laws
+    }
+    curves = curves_over(groups, scenario="standing", name="friction")
+    assert [(c.label, c.rates) for c in curves] == [
+        ("a/own.py:Law, ideal", (1.0, 1.0)),
+        ("b/own.py:Law, ideal", (0.0, 0.0)),
+    ]
+    write_summary(tmp_path, groups)
+    assert sorted(path.name for path in tmp_path.glob("*.svg")) == [
+        "success-new-ramp-friction.svg",
+        "success-old-ramp-friction.svg",
+        "success-standing-friction.svg",
+    ]
 
 
 @pytest.mark.parametrize(

@@ -4,13 +4,35 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import msgspec
 import pytest
 
 from surefoot.errors import UsageError
+from surefoot.studies import cell, store
+from surefoot.studies.cell import Row
 from surefoot.studies.store import RUNS, STUDY, StudyStore, read_rows
 
 ABOUT = {"robot": "walker", "set": []}
-ROWS = [{"key": "a", "fell": False}, {"key": "b", "fell": True}]
+FIGURES: Row = {
+    "outcome": "stood",
+    "outcome_detail": "2 s",
+    "fell": False,
+    "duration_s": 2.0,
+    "base_tilt_max_deg": 0.4,
+    "contact_lost_s": [0.0, 0.0],
+    "contact_gap_s": [0.0, 0.0],
+    "qp_failures": 0,
+    "log_sha256": "0123",
+}
+ROWS: list[Row] = [
+    {
+        **dict.fromkeys(cell.FIGURES),
+        **FIGURES,
+        **{"key": key, "inputs": "4567", "seed": seed},
+        **{"variant": "whole-body", "servo_profile": "ideal"},
+    }
+    for seed, key in enumerate("ab")
+]
 
 
 def filled(folder: Path) -> None:
@@ -101,6 +123,50 @@ def test_line_that_is_no_run_is_named_and_kept(tmp_path: Path, damage: str) -> N
     with pytest.raises(UsageError, match=r"runs.jsonl, line 2: is no finished run"):
         StudyStore(folder, about=ABOUT)
     assert path.read_text() == content
+
+
+@pytest.mark.parametrize(
+    ("name", "value", "words"),
+    [
+        ("inputs", None, "missing required field `inputs`"),
+        ("outcome", None, "missing required field `outcome`"),
+        ("outcome", "stod", r"'stod' - at `\$.outcome`"),
+        ("base_tilt_max_deg", "0,4", r"`float`, got `str` - at `\$.base_tilt_max_deg`"),
+        ("force_peak_n", [350.0], r"at `\$.force_peak_n`"),
+    ],
+)
+def test_a_run_edited_by_hand_is_refused_where_it_is_no_run_any_more(
+    tmp_path: Path, name: str, value: object, words: str
+) -> None:
+    folder = tmp_path / "study"
+    filled(folder)
+    edited = {**ROWS[0], name: value}
+    if value is None:
+        del edited[name]
+    lines = (msgspec.json.encode(row) for row in (edited, ROWS[1]))
+    (folder / RUNS).write_bytes(b"\n".join(lines))
+    with pytest.raises(UsageError, match=f"line 1: is no finished run.*{words}"):
+        StudyStore(folder, about=ABOUT)
+
+
+def test_a_command_that_comes_too_late_takes_nothing_away(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    folder = tmp_path / "study"
+    first, second = (StudyStore(folder, about=ABOUT) for _ in range(2))
+
+    def begin_first(path: Path, *, out: Path) -> None:
+        path.mkdir(parents=True, exist_ok=True)
+        monkeypatch.undo()
+        first.begin()
+
+    with first:
+        monkeypatch.setattr(store, "make_out_folder", begin_first)
+        with pytest.raises(UsageError, match="another command is writing"), second:
+            second.begin()
+        first.add(ROWS[0])
+    assert list(read_rows(folder)) == ROWS[:1]
+    assert (folder / STUDY).is_file()
 
 
 @pytest.mark.parametrize("damage", ["", "[]", '{"robot": "wal'])

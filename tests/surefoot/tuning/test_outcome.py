@@ -9,8 +9,10 @@ from pathlib import Path
 import pytest
 
 import surefoot as sf
+from surefoot.out_folder import write_json
 from surefoot.tuning.ask import Spec
 from surefoot.tuning.outcome import Candidate, Tuned, choose
+from surefoot.tuning.page import OUTCOME, as_dict, read_spec
 from tests.surefoot.tuning.searches import HOLDS, STILL, spec_of, still
 
 
@@ -94,3 +96,31 @@ def test_words_say_when_nothing_better_was_found(spec: Spec) -> None:
     tuned = Tuned(spec, [start, other], front, start, chosen, [], [])
     assert "Nothing better than the start" in tuned.words[0]
     assert "on the front" in tuned.words[1]
+
+
+def test_a_search_does_not_replace_the_outcome_of_another(
+    spec: Spec, tmp_path: Path
+) -> None:
+    out = tmp_path / "out"
+    out.mkdir()
+    start = candidate(0, 1.0, 1.0)
+    write_json(
+        out / OUTCOME, as_dict(Tuned(spec, [start], [start], start, start, [], []))
+    )
+    assert read_spec(out) == spec
+    (out / "settings.toml").write_text("[dik]\ncom_gain = 3.0\n")
+    for told, words in (
+        ((out / OUTCOME).read_text(), r"another search \(differing: parameters, start"),
+        ("{}", "does not say of which search it is"),
+    ):
+        (out / OUTCOME).write_text(told)
+        with pytest.raises(sf.UsageError, match=words):
+            sf.tune(
+                still(tmp_path),
+                ["dik.com_gain"],
+                controller=HOLDS,
+                out=out,
+                storage=tmp_path / "trials.journal",
+            )
+    assert (out / "settings.toml").read_text() == "[dik]\ncom_gain = 3.0\n"
+    assert not (tmp_path / "trials.journal").exists()

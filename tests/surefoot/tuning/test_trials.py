@@ -177,6 +177,25 @@ def test_file_that_is_no_journal_is_left_alone(journal: Path, content: str) -> N
     assert journal.read_text() == content
 
 
+@pytest.mark.parametrize(
+    ("old", "new", "words"),
+    [
+        (b'"op_code":5', b'"op_code":', r"line \d+: is damaged"),
+        (b'"seeds"', b'"seed"', "another version of surefoot .*`seeds`"),
+    ],
+)
+def test_a_damaged_or_older_journal_is_told_from_a_foreign_file(
+    journal: Path, old: bytes, new: bytes, words: str
+) -> None:
+    finish(begun(journal))
+    content = journal.read_bytes()
+    assert old in content
+    journal.write_bytes(content.replace(old, new, 1))
+    with pytest.raises(UsageError, match=words):
+        Trials(journal)
+    assert journal.read_bytes() == content.replace(old, new, 1)
+
+
 def test_refused_journal_leaves_nothing_behind(tmp_path: Path, journal: Path) -> None:
     scenario = still(tmp_path)
     journal.write_text("years of work")
