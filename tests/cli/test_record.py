@@ -21,6 +21,7 @@ from surefoot.schemas.messages import JointState
 from surefoot.schemas.topics import TICK_SENSORS
 from tests.cli.conftest import Start
 from tests.command import Surefoot, command, environment
+from tests.once import short_run
 from tests.support import PATIENCE_S, wait_until
 from tests.surefoot.playback.conftest import standing
 from tests.surefoot.recording.mcap_reading import (
@@ -66,14 +67,9 @@ def test_nothing_is_lost_in_seconds_faster_than_real_time(
 
 
 def test_a_record_tells_all_a_run_depends_on(
-    surefoot: Surefoot, short_scenario: Path, tmp_path: Path
+    tmp_path_factory: pytest.TempPathFactory,
 ) -> None:
-    out = tmp_path / "run"
-    done = surefoot(
-        *("run", short_scenario, "--controller", "hold", "--seed", 5),
-        *("--set", "safety.leave_s=0.06", "--out", out),
-    )
-    assert done.returncode == 0, done.stderr
+    out = short_run(tmp_path_factory)
     files = attached(out / "run.mcap")
     for name in ("settings.toml", "scenario.toml", "run.json"):
         assert files[name] == (out / name).read_bytes()
