@@ -279,7 +279,7 @@ def test_a_disk_that_fills_up_ends_the_record_and_not_the_run(
 ) -> None:
     """64 MiB are left to others, so some of 66 are for the record."""
     out = mount("size=66m") / "run"
-    scenario = scenario_file(tmp_path, 3.0)
+    scenario = scenario_file(tmp_path, 1.5)
     done = surefoot("run", scenario, "--controller", "hold", "--out", out)
     assert done.returncode == 0, done.stderr
     assert "Traceback" not in done.stderr
