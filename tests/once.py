@@ -11,6 +11,7 @@ from pathlib import Path
 import pytest
 
 from tests.command import run_surefoot, scenario_file
+from tests.patient_robot import patient_robot_file
 
 
 def made_once(
@@ -36,13 +37,21 @@ def made_once(
     return folder
 
 
-def short_run(folders: pytest.TempPathFactory) -> Path:
-    """Return the folder of a run of 300 ticks on the bus that holds its posture."""
+def short_run(folders: pytest.TempPathFactory, mode: str = "lockstep") -> Path:
+    """Return the folder of a run of 300 ticks that holds its posture.
+
+    Its seed is 5, ``safety.leave_s`` is 0.06 s. Beside it are ``short.toml``, which was
+    run, and ``told.json``, which the command printed.
+    """
 
     def make(folder: Path) -> None:
         scenario = scenario_file(folder, 0.3, name="short")
-        words = ("--controller", "hold", "--out", folder / "run")
-        done = run_surefoot("run", scenario, *words)
+        words: list[object] = ["--controller", "hold", "--json", f"--{mode}"]
+        words += ["--seed", 5, "--set", "safety.leave_s=0.06"]
+        if mode == "realtime":
+            words += ["--robot", patient_robot_file(folder), "--realtime-priority", 20]
+        done = run_surefoot("run", scenario, *words, "--out", folder / "run")
         assert done.returncode == 0, done.stderr
+        (folder / "told.json").write_text(done.stdout)
 
-    return made_once(folders, "short", make) / "run"
+    return made_once(folders, f"short {mode}", make) / "run"

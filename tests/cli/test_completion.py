@@ -9,18 +9,13 @@ import pytest
 from tests.command import Surefoot, run_python
 
 
-def offered(folder: Path, line: str) -> list[str]:
-    """Return the completions at the end of a line."""
-    words = line.split(" ")
-    done = run_python(
-        *("-m", "surefoot.cli"),
-        cwd=folder,
-        _SUREFOOT_COMPLETE="complete_bash",
-        COMP_WORDS=line,
-        COMP_CWORD=str(len(words) - 1),
-    )
-    assert done.stderr == ""
-    return done.stdout.split()
+def asked(line: str) -> dict[str, str]:
+    """Return the variables by which bash asks for the end of a line."""
+    return {
+        "_SUREFOOT_COMPLETE": "complete_bash",
+        "COMP_WORDS": line,
+        "COMP_CWORD": str(len(line.split(" ")) - 1),
+    }
 
 
 @pytest.mark.parametrize(
@@ -37,11 +32,26 @@ def offered(folder: Path, line: str) -> list[str]:
         ("surefoot run standing --set ground.ga", ["ground.gain="]),
     ],
 )  # fmt: skip
-def test_names_are_completed(tmp_path: Path, line: str, expected: list[str]) -> None:
-    (tmp_path / "sub").mkdir()
-    (tmp_path / "sub" / "mine.toml").touch()
-    (tmp_path / "sub" / "mine.txt").touch()
-    assert offered(tmp_path, line) == expected
+def test_names_are_completed(
+    tmp_path: Path,
+    surefoot_here: Surefoot,
+    monkeypatch: pytest.MonkeyPatch,
+    line: str,
+    expected: list[str],
+) -> None:
+    (folder := tmp_path / "work" / "sub").mkdir()
+    (folder / "mine.toml").touch()
+    (folder / "mine.txt").touch()
+    for name, value in asked(line).items():
+        monkeypatch.setenv(name, value)
+    done = surefoot_here()
+    assert done.stderr == ""
+    assert done.stdout.split() == expected
+
+
+def test_the_command_answers_bash() -> None:
+    done = run_python("-m", "surefoot.cli", **asked("surefoot ech"))
+    assert (done.stdout.split(), done.stderr) == (["echo"], "")
 
 
 def test_the_shell_can_be_told(

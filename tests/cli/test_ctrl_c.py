@@ -91,7 +91,8 @@ def test_while_it_dials(tmp_path: Path, name: str) -> None:
         assert stdout == ""
 
 
-@pytest.mark.usual("record", "echo", "hz")
+# A recorder's: test_record.py.
+@pytest.mark.usual("echo", "hz")
 @pytest.mark.parametrize("name", LISTENING)
 def test_while_it_listens(tmp_path: Path, endpoints: Endpoints, name: str) -> None:
     seen: list[str] = []

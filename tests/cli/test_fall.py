@@ -25,11 +25,8 @@ def huge_push(tmp_path: Path) -> Path:
     return path
 
 
-@pytest.mark.parametrize("mode", ["--lockstep", "--inline"])
-def test_a_run_in_which_the_robot_falls(
-    surefoot: Surefoot, huge_push: Path, mode: str
-) -> None:
-    done = surefoot("run", huge_push, mode, "--json")
+def test_a_run_in_which_the_robot_falls(surefoot: Surefoot, huge_push: Path) -> None:
+    done = surefoot("run", huge_push, "--json")
     assert done.returncode == FELL, done.stderr
     result = json.loads(done.stdout)
     assert (result["outcome"], result["end"]) == ("fell", "fell")

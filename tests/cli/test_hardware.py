@@ -10,6 +10,7 @@ import pytest
 
 from surefoot.robot_io.security.certificates import make_certificates
 from tests.cli.conftest import Start
+from tests.command import Surefoot
 from tests.support import PATIENCE_S, free_port
 
 TICKS = 800
@@ -69,10 +70,9 @@ def run_both(start: Start, robot_argv: list, stabilizer_argv: list) -> dict:
 
 
 def test_the_real_keys_over_tls_are_the_same_run(
-    start: Start, scenario: Path, tmp_path: Path
+    start: Start, surefoot_here: Surefoot, scenario: Path, tmp_path: Path
 ) -> None:
-    locator = f"tcp/127.0.0.1:{free_port()}"
-    simulated = run_both(start, [scenario, "--listen", locator], ["--connect", locator])
+    simulated = json.loads(surefoot_here("run", scenario, "--inline", "--json").stdout)
     file = secured(tmp_path)
     hardware = run_both(
         start,

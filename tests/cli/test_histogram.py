@@ -5,11 +5,13 @@ from __future__ import annotations
 import json
 from pathlib import Path
 
+import pytest
 from rich.console import Console
 
 from surefoot.cli.summary import BAR_WIDTH, histogram_table
 from surefoot.schemas.result import Histogram
 from tests.command import Surefoot
+from tests.once import short_run
 
 TICKS = 300
 
@@ -42,20 +44,21 @@ def test_nothing_is_shown_beyond_what_was_there() -> None:
 
 
 def test_a_run_tells_its_histograms_on_request_only(
-    surefoot: Surefoot, short_scenario: Path
+    surefoot: Surefoot,
+    short_scenario: Path,
+    tmp_path: Path,
+    tmp_path_factory: pytest.TempPathFactory,
 ) -> None:
-    words = ("run", short_scenario, "--controller", "hold", "--json")
-    result = json.loads(surefoot(*words, "--histogram").stdout)
+    words = ("--controller", "hold", "--histogram", "--out", tmp_path / "run")
+    told = surefoot("run", short_scenario, *words).stdout
+    for text in ("sensors to servos, ", "controller tick, 300 times", "█"):
+        assert text in told
+    result = json.loads((tmp_path / "run" / "result.json").read_text())
     histograms = result["histograms"]
     assert set(histograms) == {"sensors to servos", "round trip", "controller tick"}
     assert sum(histograms["controller tick"]["counts"]) == TICKS
     # The answers to the last ticks come after the last step.
     assert TICKS - 2 <= sum(histograms["sensors to servos"]["counts"]) <= TICKS
     assert result["end_to_end_ms"]["max"] >= result["end_to_end_ms"]["median"] > 0.0
-    assert json.loads(surefoot(*words, "--inline").stdout)["histograms"] == {}
-
-
-def test_the_summary_shows_them(surefoot: Surefoot, short_scenario: Path) -> None:
-    done = surefoot("run", short_scenario, "--controller", "hold", "--histogram")
-    for words in ("sensors to servos, ", "controller tick, 300 times", "█"):
-        assert words in done.stdout
+    unasked = short_run(tmp_path_factory) / "result.json"
+    assert json.loads(unasked.read_text())["histograms"] == {}

@@ -51,23 +51,25 @@ def served(place: Endpoints) -> Iterator[ServedRobot]:
 @pytest.mark.parametrize("name", DIALING)
 def test_who_dials_with_another_description_is_refused(
     surefoot: Surefoot,
+    surefoot_here: Surefoot,
     tmp_path: Path,
     served: ServedRobot,
     place: Endpoints,
     name: str,
 ) -> None:
+    start = surefoot if name == "view" else surefoot_here
     if name == "view":
         pytest.importorskip("viser")
     words = [*DIALING[name], "--connect", place.connect[0]]
     if name == "relay":
         words += ["--listen", f"tcp/127.0.0.1:{free_port()}"]
-    done = surefoot(*words, "--robot", mirrored_feet_file(tmp_path))
+    done = start(*words, "--robot", mirrored_feet_file(tmp_path))
     assert done.returncode == ExitCode.USAGE, done.stderr
     assert "robot 'walker'" in done.stderr
     assert "differs in: feet;" in done.stderr
     assert "give both sides the same robot file" in done.stderr
     assert "Traceback" not in done.stderr
-    profile = surefoot(*words, "--servo-profile", "harmonic")
+    profile = start(*words, "--servo-profile", "harmonic")
     assert profile.returncode == ExitCode.USAGE, profile.stderr
     assert "differs in: servo;" in profile.stderr
     assert served.do(lambda server, gate: gate.modes.lease.holder) == ""

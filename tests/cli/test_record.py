@@ -21,6 +21,7 @@ from surefoot.schemas.messages import JointState
 from surefoot.schemas.topics import TICK_SENSORS
 from tests.cli.conftest import Start
 from tests.command import Surefoot, command, environment
+from tests.once import short_run
 from tests.support import PATIENCE_S, wait_until
 from tests.surefoot.playback.conftest import standing
 from tests.surefoot.recording.mcap_reading import (
@@ -66,14 +67,9 @@ def test_nothing_is_lost_in_seconds_faster_than_real_time(
 
 
 def test_a_record_tells_all_a_run_depends_on(
-    surefoot: Surefoot, short_scenario: Path, tmp_path: Path
+    tmp_path_factory: pytest.TempPathFactory,
 ) -> None:
-    out = tmp_path / "run"
-    done = surefoot(
-        *("run", short_scenario, "--controller", "hold", "--seed", 5),
-        *("--set", "safety.leave_s=0.06", "--out", out),
-    )
-    assert done.returncode == 0, done.stderr
+    out = short_run(tmp_path_factory)
     files = attached(out / "run.mcap")
     for name in ("settings.toml", "scenario.toml", "run.json"):
         assert files[name] == (out / name).read_bytes()
@@ -132,7 +128,7 @@ def test_a_full_disk_ends_the_recording_with_one_message(
     """The kernel's limit on file size stands in for a disk: the same write fails."""
     meet = ("--endpoints", endpoint_file)
     out = tmp_path / "full.mcap"
-    robot = start("robot", standing(tmp_path, 3.0), *meet, "--json")
+    robot = start("robot", standing(tmp_path, 1.0), *meet, "--json")
     words = " ".join(command("record", "--out", out, *meet))
     # Ignored, the signal of the limit becomes an error of the write.
     with subprocess.Popen(
@@ -152,7 +148,7 @@ def test_a_full_disk_ends_the_recording_with_one_message(
     assert "Traceback" not in stderr
     assert not out.exists()
     assert (stabilizer.wait(PATIENCE_S), robot.returncode) == (0, 0)
-    assert json.loads(told)["ticks"] == 3000
+    assert json.loads(told)["ticks"] == 1000
 
 
 @pytest.mark.parametrize("name", ["a.bag", "nowhere/a.mcap"])

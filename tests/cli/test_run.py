@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
-from typing import Any
 
 import msgspec
 import numpy as np
@@ -15,6 +14,7 @@ from surefoot.schemas.result import RunResult
 from surefoot.schemas.scenario import load_scenario
 from surefoot.signals import read_signals
 from tests.command import Surefoot
+from tests.once import short_run
 
 TICKS = 300
 FILES = {
@@ -29,64 +29,67 @@ LOGS = {"robot.log", "stabilizer.log", "recorder.log"}
 BY_RECORDER = {"run.mcap"}
 
 
-def run_hold(surefoot: Surefoot, scenario: Path, *extra: object) -> dict[str, Any]:
-    """Return the JSON of a run with the holding controller, which must stand."""
-    done = surefoot("run", scenario, "--controller", "hold", "--json", *extra)
-    assert done.returncode == 0, done.stderr
-    return json.loads(done.stdout)
+@pytest.fixture(scope="module", params=["inline", "lockstep", "realtime"])
+def run(
+    request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory
+) -> Path:
+    """Return the folder of a run in each mode, which tests must not change."""
+    return short_run(tmp_path_factory, request.param)
 
 
-@pytest.mark.usual("inline", "realtime")
-@pytest.mark.parametrize("mode", ["inline", "lockstep", "realtime"])
-def test_json_is_one_whole_result_and_nothing_else(
-    surefoot: Surefoot, short_scenario: Path, patient_walker: Path, mode: str
-) -> None:
-    done = surefoot(
-        *("run", short_scenario, "--robot", patient_walker),
-        *("--controller", "hold", "--json", f"--{mode}"),
+def test_json_is_one_whole_result_and_nothing_else(run: Path) -> None:
+    told = (run.parent / "told.json").read_text()
+    assert told.count("\n") == 1
+    result = msgspec.json.decode(told, type=RunResult)
+    assert set(json.loads(told)) == set(RunResult.__struct_fields__)
+    assert json.loads((run / "result.json").read_text()) == json.loads(told)
+    assert (result.scenario, result.controller, result.robot) == (
+        *("short", "hold", "walker"),
     )
-    assert done.returncode == 0, done.stderr
-    assert done.stdout.count("\n") == 1
-    result = msgspec.json.decode(done.stdout, type=RunResult)
-    assert set(json.loads(done.stdout)) == set(RunResult.__struct_fields__)
-    assert result.mode == mode
-    assert result.scenario == "short"
-    assert result.controller == "hold"
-    assert result.robot == "walker"
     assert not result.fell
-    assert result.out is None
+    assert result.out == str(run)
     assert result.duration_s == pytest.approx(TICKS * 1e-3, abs=0.05)
 
 
-@pytest.mark.parametrize("mode", ["inline", "lockstep"])
-def test_out_keeps_the_whole_run(
-    surefoot: Surefoot, short_scenario: Path, tmp_path: Path, mode: str
-) -> None:
-    out = tmp_path / "run"
-    words = [f"--{mode}", "--seed", 5, "--set", "safety.leave_s=0.06", "--out", out]
-    result = run_hold(surefoot, short_scenario, *words)
-    logs = set() if mode == "inline" else LOGS | BY_RECORDER
-    assert {path.name for path in out.iterdir()} == FILES | logs
-    assert json.loads((out / "result.json").read_text()) == result
-    assert result["out"] == str(out)
-    assert (out / "scenario.toml").read_text() == short_scenario.read_text()
-    assert "leave_s = 0.06" in (out / "settings.toml").read_text()
-    about = json.loads((out / MARKER).read_text())
-    assert (about["seed"], about["mode"], about["controller"]) == (5, mode, "hold")
-    signals = read_signals(out)
+def test_out_keeps_the_whole_run(run: Path) -> None:
+    about = json.loads((run / MARKER).read_text())
+    assert (about["seed"], about["controller"]) == (5, "hold")
+    logs = set() if about["mode"] == "inline" else LOGS | BY_RECORDER
+    assert {path.name for path in run.iterdir()} == FILES | logs
+    assert (
+        msgspec.json.decode((run / "result.json").read_bytes())["mode"] == about["mode"]
+    )
+    scenario = (run.parent / "short.toml").read_text()
+    assert (run / "scenario.toml").read_text() == scenario
+    assert "leave_s = 0.06" in (run / "settings.toml").read_text()
+    signals = read_signals(run)
     assert signals["q_command"].shape == (TICKS, 28)
     assert signals.time_s[-1] == pytest.approx((TICKS - 1) * 1e-3)
     assert not signals.is_cut_off
 
 
-def test_a_run_can_be_done_again_from_its_folder(
-    surefoot: Surefoot, short_scenario: Path, tmp_path: Path
+@pytest.mark.parametrize(
+    ("name", "priority"), [("robot", 20), ("stabilizer", 20), ("recorder", 19)]
+)
+def test_a_run_hands_its_priority_to_both_sides_and_the_next_to_its_recorder(
+    tmp_path_factory: pytest.TempPathFactory, name: str, priority: int
 ) -> None:
-    out = tmp_path / "run"
-    first = run_hold(surefoot, short_scenario, "--inline", "--seed", 5, "--out", out)
-    words = ["--inline", "--seed", 5, "--settings", out / "settings.toml"]
-    again = run_hold(surefoot, out / "scenario.toml", *words)
-    assert again["log_sha256"] == first["log_sha256"]
+    log = (short_run(tmp_path_factory, "realtime") / f"{name}.log").read_text()
+    assert (
+        f"SCHED_FIFO at priority {priority}" in log
+        or f"--realtime-priority {priority}: not done" in log
+    )
+
+
+def test_a_run_can_be_done_again_from_its_folder(
+    tmp_path_factory: pytest.TempPathFactory, surefoot_here: Surefoot
+) -> None:
+    out = short_run(tmp_path_factory)
+    words = ["--inline", "--seed", 5, "--settings", out / "settings.toml", "--json"]
+    words += ["--controller", "hold"]
+    again = json.loads(surefoot_here("run", out / "scenario.toml", *words).stdout)
+    before = json.loads((out / "result.json").read_text())
+    assert again["log_sha256"] == before["log_sha256"]
 
 
 def test_the_summary_is_for_people(surefoot: Surefoot, short_scenario: Path) -> None:

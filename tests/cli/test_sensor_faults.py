@@ -11,7 +11,7 @@ from tests.command import Surefoot
 
 SCENARIO = """
 name = "fault"
-duration_s = 1.2
+duration_s = 0.8
 [sensors]
 force_noise_n = 2.0
 gyro_noise_rad_s = 0.002
@@ -19,7 +19,7 @@ accel_noise_m_s2 = 0.05
 [[fault]]
 sensor = "{sensor}"
 kind = "drop"
-start_s = 0.6
+start_s = 0.4
 duration_s = 10.0
 """
 

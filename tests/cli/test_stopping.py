@@ -59,8 +59,8 @@ def children(folder: Path) -> tuple[int, int]:
     return wait_until(active_ids, what="robot and stabilizer to start")
 
 
-# SIGINT to such a run: test_out_folder.py.
-@pytest.mark.usual("1", "15")
+# SIGINT to such a run: test_out_folder.py. All take the same way.
+@pytest.mark.usual("1")
 @pytest.mark.parametrize("sent", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
 def test_interrupting_a_run_stops_both_and_keeps_what_there_is(
     endless_run: tuple[subprocess.Popen[str], Path], sent: signal.Signals

@@ -12,7 +12,7 @@ from tests.command import Surefoot, cut_short
 
 MOVING = """
 name = "moving"
-duration_s = 1.5
+duration_s = 1.0
 [[platform]]
 foot = "both"
   [[platform.motion]]
@@ -20,13 +20,13 @@ foot = "both"
   kind = "ramp"
   amplitude_deg = 6.0
   rate_deg_s = 20.0
-  start_s = 0.6
+  start_s = 0.4
   [[platform.motion]]
   axis = "z"
   kind = "ramp"
   amplitude_m = -0.03
   rate_m_s = 0.1
-  start_s = 0.6
+  start_s = 0.4
 [sensors]
 force_noise_n = 2.0
 moment_noise_nm = 0.1

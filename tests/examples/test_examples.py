@@ -9,8 +9,7 @@ from types import ModuleType
 
 import pytest
 
-import surefoot as sf
-from tests.command import cut_short, run_surefoot, scenario_file
+from tests.command import cut_short, scenario_file
 
 ROOT = Path(__file__).parents[2]
 EXAMPLES = ROOT / "examples"
@@ -70,18 +69,6 @@ def test_own_controller_stands_where_holding_falls(
     assert own.strip().startswith("ankle: stood")
     assert whole_body.strip().startswith("whole-body: stood")
     assert is_plot(plot)
-
-
-def test_own_controller_is_the_same_in_a_process_of_its_own(
-    short_scenario: Path,
-) -> None:
-    here = sf.simulate(
-        "walker", short_scenario, controller=load("own_controller").AnkleController
-    )
-    law = f"{EXAMPLES / 'own_controller.py'}:AnkleController"
-    done = run_surefoot("run", short_scenario, "--json", "--controller", law, cwd=ROOT)
-    assert done.returncode == 0, done.stderr
-    assert json.loads(done.stdout)["log_sha256"] == here.result.log_sha256
 
 
 def test_hand_task_brings_the_hand_near_its_target(

@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 from mcap.writer import CompressionType, IndexType, Writer
 
-from surefoot.schemas.motions import RecordedMotion
+from surefoot.schemas.motions import STANDARD_GRAVITY, RecordedMotion
 from surefoot.sim_robot.errors import ScenarioError
 from surefoot.sim_robot.ground_records import GroundRecord, read_record
 from surefoot.sim_robot.recorded import recorded_track
@@ -236,6 +236,28 @@ def test_units_of_the_scenario_override_those_of_the_file(tmp_path: Path) -> Non
     assert recorded_track(_motion(path, units="cm/s2", drift_hz=0.0)) is not None
 
 
+NUMBERS = 25 * "0 1 2 3 0 -1 -2 -3 "
+
+
+@pytest.mark.parametrize(
+    ("text", "gals"),
+    [
+        (_peer(units="G", step=".01", count="200") + NUMBERS, 100.0 * STANDARD_GRAVITY),
+        (_peer(units="M/SEC2", step=".01", count="200") + NUMBERS, 100.0),
+        (_knet(scale="2(gal)/4", rows=NUMBERS), 0.5),
+    ],
+)
+def test_ground_moves_in_the_units_of_its_record(
+    tmp_path: Path, text: str, gals: float
+) -> None:
+    positions = []
+    for content in (text, _peer(units="GAL", step=".01", count="200") + NUMBERS):
+        path = tmp_path / ("a.EW" if content.startswith("Origin") else "a.AT2")
+        path.write_text(content)
+        positions.append(recorded_track(_motion(path, drift_hz=0.0)).position)
+    np.testing.assert_allclose(positions[0], gals * positions[1], atol=1e-9)
+
+
 @pytest.mark.parametrize("before", ["", "\ufeff", "\n", "\ufeff \r\n"])
 @pytest.mark.parametrize("more", ["", "Lat. 1\nLong. 2\n"])
 def test_knet_is_told_by_its_content(tmp_path: Path, before: str, more: str) -> None:
@@ -281,12 +303,13 @@ def test_messages_count_from_when_they_were_measured(
         msgpack.packb if encoding == "msgpack" else lambda m: json.dumps(m).encode()
     )
     messages = [
-        encode({"a": float(index), **stamp(5 * 10**9 + 10**7 * index)})
+        encode({"a": [-1.0, float(index)], **stamp(5 * 10**9 + 10**7 * index)})
         for index in range(4)
     ]
     content = _mcap(messages, encoding=encoding)
-    record = _read(tmp_path / "a.mcap", content, channel="/imu", field="a")
+    record = _read(tmp_path / "a.mcap", content, channel="/imu", field="a.1")
     assert record.times == pytest.approx([0.0, 0.01, 0.02, 0.03])
+    assert record.values.tolist() == [0.0, 1.0, 2.0, 3.0]
 
 
 GOOD = [b'{"a": 1}'] * 50
@@ -301,6 +324,8 @@ def test_mcap_without_channels_in_its_summary(
     record = _read(tmp_path / "a.mcap", content, channel="imu", field="a")
     assert record.values.tolist() == [0.5, 1.0, 1.5, 2.0]
     _refused(tmp_path / "a.mcap", content, "it has /imu", channel="ft", field="a")
+    with pytest.raises(ScenarioError, match="no 'b'"):
+        _read(tmp_path / "a.mcap", content, channel="imu", field="b.0")
 
 
 def test_a_channel_needs_no_slash(tmp_path: Path) -> None:

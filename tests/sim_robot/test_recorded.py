@@ -1,6 +1,5 @@
 from __future__ import annotations
 
-import json
 import math
 import os
 import subprocess
@@ -10,7 +9,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from mcap.writer import Writer
 from scipy.interpolate import CubicSpline
 
 from surefoot.schemas.motions import STANDARD_GRAVITY, RecordedMotion
@@ -116,63 +114,6 @@ def test_velocity_is_the_derivative_and_has_no_jump(tmp_path: Path) -> None:
     assert law(0.5 + 0.021)[1] == pytest.approx(1.0, abs=0.02)
 
 
-def test_peer_and_knet_say_units_and_step_themselves(tmp_path: Path) -> None:
-    numbers = ACCELERATION / STANDARD_GRAVITY
-    rows = "\n".join(
-        "  ".join(f"{v: .9E}" for v in row) for row in numbers[:2000].reshape(-1, 5)
-    )
-    peer = tmp_path / "shake.AT2"
-    peer.write_text(
-        "PEER NGA STRONG MOTION DATABASE RECORD\nSynthetic, 2026, here, 90\n"
-        f"ACCELERATION TIME SERIES IN UNITS OF G\nNPTS=   2000, DT=   .0100 SEC\n{rows}"
-    )
-    counts = np.rint(1e2 * ACCELERATION / 3920.0 * 6170801).astype(int)
-    heading = [
-        "Origin Time       2026/11/26 12:00:00",
-        *(f"Line {index}" for index in range(9)),
-        "Sampling Freq(Hz) 100Hz",
-        "Duration Time(s)  20",
-        "Dir.              E-W",
-        "Scale Factor      3920(gal)/6170801",
-        "Max. Acc. (gal)   250",
-        "Last Correction   2026/11/26 12:00:00",
-        "Memo.",
-    ]
-    rows = "\n".join(
-        "".join(f"{v:9d}" for v in row) for row in counts[:2000].reshape(-1, 8)
-    )
-    knet = tmp_path / "shake.EW"
-    knet.write_text("\n".join([*heading, rows]))
-    text = _csv(tmp_path / "a.csv", ACCELERATION, heading="time_s,ax\n")
-    expected = _on(_motion(text, quantity="acceleration"), TIMES[:1900])
-    for file in (peer, knet):
-        assert _on(_motion(str(file)), TIMES[:1900]) == pytest.approx(
-            expected, abs=1e-3
-        )
-
-
-def test_a_channel_of_an_mcap_file_at_its_own_stamps(tmp_path: Path) -> None:
-    path = tmp_path / "deck.mcap"
-    with path.open("wb") as file:
-        writer = Writer(file)
-        writer.start()
-        schema = writer.register_schema("imu", "jsonschema", b"{}")
-        channel = writer.register_channel("/imu", "json", schema)
-        for time_s, value in zip(TIMES, ACCELERATION, strict=True):
-            stamp = 5_000_000_000 + round(1e9 * time_s)
-            message = {"stamp_ns": stamp, "linear_acceleration": [value, 0.0, 9.81]}
-            late = stamp + 1_000_000 * (stamp // 10_000_000 % 7)
-            writer.add_message(channel, late, json.dumps(message).encode(), late)
-        writer.finish()
-    here = {"quantity": "acceleration", "channel": "/imu"}
-    moved = _on(_motion(str(path), field="linear_acceleration.0", **here), TIMES)
-    assert moved == pytest.approx(POSITION, abs=2e-3)
-    with pytest.raises(ScenarioError, match="it has /imu"):
-        motion_law(_motion(str(path), field="x", **{**here, "channel": "/gps"}))
-    with pytest.raises(ScenarioError, match="no 'angular_velocity'"):
-        motion_law(_motion(str(path), field="angular_velocity.0", **here))
-
-
 def test_units_scale_and_cut(tmp_path: Path) -> None:
     file = _csv(tmp_path / "p.csv", 1e3 * POSITION)
     motion = _motion(
@@ -214,13 +155,6 @@ def test_a_bad_file_is_named_with_the_key(
     with pytest.raises(ScenarioError, match=words) as caught:
         motion_law(_motion(str(path), **keys))
     assert caught.value.field == field
-
-
-def test_sampled_faster_than_the_simulation_is_refused(tmp_path: Path) -> None:
-    path = tmp_path / "fast.csv"
-    path.write_text("".join(f"{index / 4000.0},0\n" for index in range(100)))
-    with pytest.raises(ScenarioError, match="at most 1000"):
-        motion_law(_motion(str(path), quantity="position"))
 
 
 def test_a_file_that_was_changed_is_read_anew(tmp_path: Path) -> None:

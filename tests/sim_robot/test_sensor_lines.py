@@ -170,8 +170,10 @@ def test_errors_of_each_axis_and_side(make_plant: MakePlant) -> None:
         sensors={
             "force_bias_n": {"left": [0.0, 0.0, -30.0]},
             "moment_scale": {"right": 2.0},
+            "moment_bias_nm": -0.5,
             "accel_bias_m_s2": [0.0, 0.0, 0.03],
             "gyro_scale": [1.0, 1.1, 1.0],
+            "gyro_bias_rad_s": 0.01,
             "force_scale": 0.5,
         }
     ).sense()
@@ -179,8 +181,10 @@ def test_errors_of_each_axis_and_side(make_plant: MakePlant) -> None:
         wrong.ft_left[:3], 0.5 * clean.ft_left[:3] + [0.0, 0.0, -30.0]
     )
     np.testing.assert_allclose(wrong.ft_right[:3], 0.5 * clean.ft_right[:3])
-    np.testing.assert_allclose(wrong.ft_right[3:], 2.0 * clean.ft_right[3:])
-    np.testing.assert_allclose(wrong.ft_left[3:], clean.ft_left[3:])
+    np.testing.assert_allclose(wrong.ft_right[3:], 2.0 * clean.ft_right[3:] - 0.5)
+    np.testing.assert_allclose(wrong.ft_left[3:], clean.ft_left[3:] - 0.5)
+    rate = clean.angular_velocity * [1.0, 1.1, 1.0] + 0.01
+    np.testing.assert_allclose(wrong.angular_velocity, rate, atol=1e-12)
     shift = wrong.linear_acceleration - clean.linear_acceleration
     np.testing.assert_allclose(shift, [0.0, 0.0, 0.03], atol=1e-12)
 

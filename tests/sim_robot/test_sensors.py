@@ -210,27 +210,6 @@ def test_one_sensor_does_not_shift_the_noise_of_another(
         np.testing.assert_array_equal(one.angular_velocity, other.angular_velocity)
 
 
-def test_biases_add_to_every_axis(make_plant: MakePlant) -> None:
-    biased = make_plant(
-        sensors={
-            "gyro_bias_rad_s": 0.01,
-            "accel_bias_m_s2": 0.2,
-            "force_bias_n": 3.0,
-            "moment_bias_nm": -0.5,
-        }
-    ).sense()
-    clean = make_plant().sense()
-    for name, expected in (
-        ("angular_velocity", [0.01] * 3),
-        ("linear_acceleration", [0.2] * 3),
-        ("ft_left", [3.0] * 3 + [-0.5] * 3),
-        ("ft_right", [3.0] * 3 + [-0.5] * 3),
-    ):
-        np.testing.assert_allclose(
-            getattr(biased, name) - getattr(clean, name), expected, atol=1e-9
-        )
-
-
 def test_encoders_round_and_still_tell_the_velocity(
     make_plant: MakePlant, walker: Robot
 ) -> None:

@@ -19,7 +19,7 @@ from tests.stabilizer.mirror import Mirror
 pytestmark = pytest.mark.closed_loop
 
 DURATION_S = 2.5
-SHORT_S = 0.8
+SHORT_S, AGAIN_S = 0.8, 0.5
 COUNTED_FROM_S = 1.0
 RMS_M, MAX_M = 10e-3, 25e-3
 """Bounds of the horizontal CoM error on the fast platform."""
@@ -62,11 +62,12 @@ def test_same_seed_gives_the_same_commands_and_other_noise_others(
     walker: Robot, short_run: Run
 ) -> None:
     again, other = (
-        run_closed_loop(walker, seed=seed, duration_s=SHORT_S, platform=PLATFORM)
+        run_closed_loop(walker, seed=seed, duration_s=AGAIN_S, platform=PLATFORM)
         for seed in (5, 6)
     )
-    np.testing.assert_array_equal(short_run.commands, again.commands)
-    assert not np.array_equal(short_run.commands, other.commands)
+    before = short_run.commands[: len(again.commands)]
+    np.testing.assert_array_equal(before, again.commands)
+    assert not np.array_equal(before, other.commands)
 
 
 def test_mirrored_sensors_give_mirrored_commands(

@@ -4,13 +4,16 @@ import numpy as np
 import pytest
 
 from surefoot.robot_io.robot import Robot
-from surefoot.schemas.settings import ControllerSettings
+from surefoot.schemas.settings import build_settings
 from surefoot.stabilizer.control.controller import HoldController, Tunable
 from surefoot.stabilizer.control.whole_body import WholeBodyController
 from surefoot.stabilizer.requests import LIVE_SETTINGS, live_values, with_values
 from tests.stabilizer.closed_loop import ROLLING, Run, run_closed_loop
 
-DEFAULTS = ControllerSettings()
+DEFAULTS = build_settings(
+    {}, overrides=["estimator.calibration_s=0.02", "dik.ramp_in_s=0.02"]
+)
+"""They balance soon."""
 CHANGED = with_values(
     DEFAULTS,
     {
@@ -20,14 +23,17 @@ CHANGED = with_values(
         for name, numbers in live_values(DEFAULTS).items()
     },
 )
-TICKS = 500
+TICKS = 150
 """Longer than calibration and fade-in, on moving ground."""
 
 
 @pytest.fixture(scope="module")
 def run(walker: Robot) -> Run:
     """Run with the default gains."""
-    return run_closed_loop(walker, duration_s=TICKS * 1e-3, platform=ROLLING)
+    controller = WholeBodyController(walker, DEFAULTS)
+    return run_closed_loop(
+        walker, controller=controller, duration_s=TICKS * 1e-3, platform=ROLLING
+    )
 
 
 @pytest.mark.closed_loop

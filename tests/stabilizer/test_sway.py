@@ -266,7 +266,7 @@ def test_shipped_settings_change_nothing_but_the_sway() -> None:
 def tilting(axis: str, size_deg: float) -> dict[str, Any]:
     """Return a scenario whose platform swings slowly by a size to both sides."""
     motion = swing(axis, size_deg, SLOW_HZ, start_s=0.5)
-    return {"duration_s": 6.0, "platform": [{"foot": "both", "motion": [motion]}]}
+    return {"duration_s": 4.5, "platform": [{"foot": "both", "motion": [motion]}]}
 
 
 @pytest.mark.closed_loop

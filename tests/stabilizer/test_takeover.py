@@ -19,8 +19,8 @@ pytestmark = pytest.mark.closed_loop
 
 LEFT_ALONE_S = 0.45
 """Time that a new process takes to command [s]; see the kill study."""
-DURATION_S = 9.0
-LATE_S = 7.0
+DURATION_S = 7.0
+LATE_S = 5.5
 NEAR_M = 0.01
 MOTION = [
     swing("roll", 8.6, 0.175, start_s=1.0),

@@ -101,15 +101,14 @@ def test_a_subscriber_gets_every_message_in_order(
 
 def test_a_record_of_a_replay_computes_the_same(
     record: Path,
-    endpoints: Endpoints,
     endpoint_file: Path,
     tmp_path: Path,
-    surefoot: Surefoot,
+    surefoot_here: Surefoot,
     check: Check,
 ) -> None:
     again = tmp_path / "again.mcap"
     with playing(record, endpoint_file) as process:
-        done = surefoot(
+        done = surefoot_here(
             *("record", "--raw", "--out", again, "--endpoints", endpoint_file),
             *("--json", "--wait", PATIENCE_S),
         )
@@ -166,10 +165,10 @@ def test_it_cannot_be_commanded_and_looks_like_the_robot(
 
 
 def test_a_stabilizer_is_told_that_it_is_a_replay(
-    record: Path, endpoints: Endpoints, endpoint_file: Path, surefoot: Surefoot
+    record: Path, endpoint_file: Path, surefoot_here: Surefoot
 ) -> None:
     with playing(record, endpoint_file, "--loop"):
-        done = surefoot(
+        done = surefoot_here(
             *("stabilizer", "--controller", "hold", "--wait", PATIENCE_S),
             *("--endpoints", endpoint_file),
         )
@@ -230,10 +229,10 @@ def test_a_loop_begins_again(
         wait_until(has_begun_again, what="the second round")
 
 
-def test_a_port_in_use_is_code_3(record: Path, surefoot: Surefoot) -> None:
+def test_a_port_in_use_is_code_3(record: Path, surefoot_here: Surefoot) -> None:
     with socket.create_server(("127.0.0.1", 0)) as taken:
         where = f"tcp/127.0.0.1:{taken.getsockname()[1]}"
-        done = surefoot("replay", record, "--now", "--listen", where)
+        done = surefoot_here("replay", record, "--now", "--listen", where)
     assert done.returncode == 3
     assert "in use" in done.stderr
     assert "Traceback" not in done.stderr

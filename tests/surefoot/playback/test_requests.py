@@ -90,14 +90,14 @@ def recorded(path: str, endpoints: Endpoints, out: Path) -> Iterator[Commanded]:
 
 @pytest.mark.usual("lockstep")
 @pytest.mark.parametrize("pace", list(Pace), ids=str)
-def test_gains_holds_and_pushes_are_equal(
+def test_gains_holds_pushes_and_a_stop_are_equal(
     endpoints: Endpoints, tmp_path: Path, check: Check, pace: Pace
 ) -> None:
     path, out = str(patient_robot_file(tmp_path, **WAITS)), tmp_path / "asked.mcap"
     with (
         running(plant, path, endpoints, pace) as robot,
         recorded(path, endpoints, out) as onlooker,
-        running(balance, endpoints, pace, "ann", path),
+        running(balance, endpoints, pace, "ann", path) as stabilizer,
     ):
         ask = onlooker.observer.requests
         onlooker.mode(RobotMode.ACTIVE, "ann")
@@ -113,47 +113,23 @@ def test_gains_holds_and_pushes_are_equal(
         onlooker.mode(RobotMode.ACTIVE, "ann")
         for _ in range(5):
             onlooker.let_go_on(LATER_TICKS)
-        robot.signal(signal.SIGINT)
-        robot.result()
-    code, found = check(out, *AS_RECORDED)
-    assert code == 0, found
-    (session,) = found["sessions"]
-    answered = [m for m in messages(out) if m.channel == "joint_command"]
-    assert session["compared"] == len(answered)
-    changes = [m.content for m in messages(out) if m.channel == "settings_change"]
-    assert len(changes) == 2
-    # Without the hold's restart, or the gains, the commands would be others.
-    assert session["last_tick"] > changes[-1]["tick"] + LATER_TICKS
-
-
-@pytest.mark.usual("lockstep")
-@pytest.mark.parametrize("pace", list(Pace), ids=str)
-def test_a_stabilizer_that_was_asked_to_stop_is_equal_to_its_rest(
-    endpoints: Endpoints, tmp_path: Path, check: Check, pace: Pace
-) -> None:
-    path, out = str(patient_robot_file(tmp_path, **WAITS)), tmp_path / "stopped.mcap"
-    with (
-        running(plant, path, endpoints, pace) as robot,
-        recorded(path, endpoints, out) as onlooker,
-    ):
-        with running(balance, endpoints, pace, "ann", path) as stabilizer:
-            onlooker.mode(RobotMode.ACTIVE, "ann")
-            onlooker.let_go_on(LATER_TICKS)
-            onlooker.observer.requests.push("torso", [25.0, 0.0, 0.0], duration_s=0.1)
-            onlooker.let_go_on(LATER_TICKS)
-            stabilizer.signal(signal.SIGINT)
-            stabilizer.result()
+        stabilizer.signal(signal.SIGINT)
+        stabilizer.result()
         onlooker.mode(RobotMode.HOLD, "")
         robot.signal(signal.SIGINT)
         robot.result()
     code, found = check(out, *AS_RECORDED)
     assert code == 0, found
-    stops = [
-        m.content["tick"]
-        for m in messages(out)
-        if m.channel == "stabilizer" and m.content["state"] == "soft_stop"
-    ]
-    assert found["sessions"][0]["last_tick"] > stops[0]
+    (session,) = found["sessions"]
+    told: dict[str, list[dict[str, Any]]] = {}
+    for message in messages(out):
+        told.setdefault(message.channel, []).append(message.content)
+    assert session["compared"] == len(told["joint_command"])
+    changes = [change["tick"] for change in told["settings_change"]]
+    stops = [s["tick"] for s in told["stabilizer"] if s["state"] == "soft_stop"]
+    assert len(changes) == 2
+    # Without the hold's restart, or the gains, the commands would be others.
+    assert session["last_tick"] > stops[0] > changes[-1] + LATER_TICKS
 
 
 def test_walks_are_equal_whoever_planned_their_steps(
@@ -192,37 +168,12 @@ def test_walks_are_equal_whoever_planned_their_steps(
         session["first_tick"] <= tick <= session["last_tick"]
         for session, tick in zip(found["sessions"], taken, strict=True)
     ] == [True, True]
+    assert not any("in real time" in note for note in found["notes"])
+    code, other = check(out, *AS_RECORDED, "--set", "tsid.com_kp=31")
+    assert code == 1
+    assert any("in real time" in note for note in other["notes"])
 
 
 def is_in(phase: str) -> Callable[[LatestMessages], object]:
     """Return whether a robot's walk is in a phase."""
     return lambda sight: sight.walk_status and sight.walk_status.phase == phase
-
-
-def test_a_second_stabilizer_is_a_session_of_its_own(
-    endpoints: Endpoints, tmp_path: Path, check: Check
-) -> None:
-    path, out = str(patient_robot_file(tmp_path, **WAITS)), tmp_path / "two.mcap"
-    with (
-        running(plant, path, endpoints, Pace.LOCKSTEP) as robot,
-        recorded(path, endpoints, out) as onlooker,
-    ):
-        with running(balance, endpoints, Pace.LOCKSTEP, "ann", path) as first:
-            onlooker.mode(RobotMode.ACTIVE, "ann")
-            onlooker.let_go_on(LATER_TICKS)
-            first.kill()
-        onlooker.mode(RobotMode.HOLD, "")
-        with running(balance, endpoints, Pace.LOCKSTEP, "bob", path):
-            onlooker.mode(RobotMode.ACTIVE, "bob")
-            onlooker.let_go_on(LATER_TICKS)
-            onlooker.let_go_on(LATER_TICKS)
-            robot.signal(signal.SIGINT)
-            robot.result()
-    code, found = check(out, *AS_RECORDED)
-    assert code == 0, found
-    assert [session["commander"] for session in found["sessions"]] == ["ann", "bob"]
-    assert not any("in real time" in note for note in found["notes"])
-    code, other = check(out, *AS_RECORDED, "--set", "tsid.com_kp=31")
-    assert code == 1
-    assert any("in real time" in note for note in other["notes"])
-    assert all(session["compared"] > LATER_TICKS for session in found["sessions"])

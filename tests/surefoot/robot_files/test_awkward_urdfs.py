@@ -74,7 +74,13 @@ STANDS = {
         left_sole="left_sole",
         right_sole="right_sole",
     ),
-    "halves of tags": case(urdf.with_halves_of_tags, "28 joints, in the order"),
+    "as programs export it": case(
+        urdf.both(
+            *(urdf.without_a_name, urdf.with_halves_of_tags),
+            *(urdf.with_axes_of_zeros, urdf.with_a_skin),
+        ),
+        "28 joints, in the order",
+    ),
     "mimic chain": case(urdf.with_a_mimic_chain, "4 joints fixed, they follow another"),
     "other letters": case(
         urdf.in_other_letters, "as asked: \u9996 yaw \u03c8", fix=("\u9996*",)
@@ -90,9 +96,6 @@ STANDS = {
     "joint called as a sole": case(
         altered("head_yaw", name="left_foot_plate"), "271 x 155 mm"
     ),
-    "no name": case(urdf.without_a_name, "28 joints, in the order"),
-    "skin": case(urdf.with_a_skin, "28 joints, in the order"),
-    "axes of zeros": case(urdf.with_axes_of_zeros, "28 joints, in the order"),
     "root at the ground": case(
         urdf.rooted_at("0 0 0.97"), "fixed to the base 'base_foo"
     ),
