@@ -102,6 +102,8 @@ class SensorTrouble(StrEnum):
     """Readings repeat to the last bit while others move."""
     OVERLOADED = "overloaded"
     """A foot's force is as large as an impact, but lasts longer than one."""
+    INCONSISTENT = "inconsistent"
+    """The IMU's gyroscope and its own attitude tell different motions."""
     OFFSET = "offset"
     """A foot's force along the sole is felt by no joint; it is subtracted."""
 

@@ -29,6 +29,7 @@ from surefoot.schemas.topics import TICK_SENSORS
 from surefoot.schemas.walk_plan import LONGEST_WALK_S, Walk
 
 PositiveNumber = Annotated[float, msgspec.Meta(gt=0.0, le=100.0)]
+AXES = ("x", "y", "z")
 FaultKind = Literal["drop", "freeze", "nan", "jump", "range"]
 if TYPE_CHECKING:
     SensorName = str
@@ -37,7 +38,7 @@ else:  # what a file may name are the sensors there are
 
 
 class SensorFault(FileStruct, frozen=True, kw_only=True):
-    """Failure of one sensor for a while.
+    """Failure of one sensor for a while, or of a part of it.
 
     ``drop``: its messages are not sent. ``freeze``: it repeats its last reading.
     ``nan``: it reports no numbers. ``jump``: an offset appears at once. ``range``: it
@@ -53,13 +54,39 @@ class SensorFault(FileStruct, frozen=True, kw_only=True):
     duration_s: Annotated[float, msgspec.Meta(gt=0.0, le=3600.0)]
     """How long it lasts."""
     size: Positive | None = None
-    """Size of a jump: of the positions [rad], the gyroscope [rad/s] or the vertical
-    force [N]. Absent: 0.3, 5 or 2500."""
+    """Size of a jump, in the unit of what jumps. Absent: 0.3 rad of the positions, 5
+    rad/s of the gyroscope or 2500 N of the vertical force."""
+    part: str | None = None
+    """Only these of its readings fail, such as ``angular_velocity``: a name of the
+    sensor's message. Absent: all; for a jump positions, gyroscope or force."""
+    axis: str | None = None
+    """Only this number of ``part`` fails: ``x``, ``y`` or ``z``, or a joint's name.
+    Absent: all; for a jump without ``part`` the first of the gyroscope, the last of the
+    force."""
 
     def __post_init__(self) -> None:
-        """Check that only a jump has a size."""
+        """Check that only a jump has a size, and that the sensor has such a part."""
         if self.size is not None and self.kind != "jump":
             raise ValueError(f"kind {self.kind!r} takes no `size`; only `jump` does")
+        if self.part is None:
+            if self.axis is not None:
+                raise ValueError("`axis` needs the `part` whose axis it is")
+            return
+        failing = sensor(self.sensor)
+        if self.kind == "drop":
+            raise ValueError(
+                "kind 'drop' takes no `part`: a message is sent or not; `freeze` it"
+            )
+        if self.part not in failing.attributes:
+            raise ValueError(
+                f"{self.sensor} has no `part` {self.part!r}; expected one of "
+                f"{', '.join(failing.attributes)}"
+            )
+        if self.kind == "jump" and self.size is None:
+            raise ValueError("a jump of a `part` needs its `size`")
+        is_axis = self.axis in (None, *AXES) or self.sensor == "joints"
+        if not is_axis:
+            raise ValueError(f"got `axis` {self.axis!r}, expected x, y or z")
 
     @property
     def offset(self) -> float:

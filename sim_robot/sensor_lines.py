@@ -11,11 +11,11 @@ from typing import Any
 import numpy as np
 
 from surefoot.robot_io.snapshot import Snapshot
-from surefoot.schemas.arrays import Array
 from surefoot.schemas.messages import ForceTorque, ImuState, JointState
-from surefoot.schemas.scenario import SensorFault
+from surefoot.schemas.scenario import AXES, SensorFault
 from surefoot.schemas.scenario_robot import Delay, Sensors
 from surefoot.schemas.sensors import SENSORS, Sensor, sensor
+from surefoot.schemas.validation import nearest_or_all
 from surefoot.sim_robot.conventions import whole_ticks
 from surefoot.sim_robot.errors import ScenarioError
 
@@ -38,24 +38,35 @@ class SensorFaults:
         unread: these, and sensors whose message is refused since it holds no numbers.
     """
 
-    def __init__(self, faults: Sequence[SensorFault], *, period_s: float) -> None:
+    def __init__(
+        self,
+        faults: Sequence[SensorFault],
+        *,
+        joints: Sequence[str],
+        period_s: float,
+    ) -> None:
         """Read the faults of a scenario.
 
         Args:
             faults: in the order of the file; later ones act on the results of earlier.
+            joints: names of the robot's joints, in bus order.
             period_s: time from tick to tick [s].
+
+        Raises:
+            ScenarioError: a fault names a joint that the robot does not have.
         """
         self.missing: tuple[str, ...] = ()
         self.unread: tuple[str, ...] = ()
         self._faults = [
             (
                 fault,
+                _places(fault, joints, what=f"fault[{index}].axis"),
                 math.ceil(fault.start_s / period_s - 1e-9),
                 math.ceil((fault.start_s + fault.duration_s) / period_s - 1e-9),
             )
-            for fault in faults
+            for index, fault in enumerate(faults)
         ]
-        self._frozen: dict[int, dict[str, Array]] = {}
+        self._frozen: dict[int, Snapshot] = {}
         self._last: Snapshot | None = None
 
     def apply(self, snapshot: Snapshot) -> Snapshot:
@@ -65,15 +76,16 @@ class SensorFaults:
         missing: list[str] = []
         unreadable: list[str] = []
         reported = snapshot
-        for index, (fault, begin, end) in enumerate(self._faults):
+        for index, (fault, places, begin, end) in enumerate(self._faults):
             if not begin <= snapshot.tick < end:
                 continue
             if fault.kind == "drop":
                 missing.append(fault.sensor)
-            elif fault.kind == "freeze":
-                reported = replace(reported, **self._freeze(index, fault, reported))
             else:
-                reported = replace(reported, **_spoil(fault, reported))
+                source = reported
+                if fault.kind == "freeze":
+                    source = self._frozen.setdefault(index, self._last or reported)
+                reported = _spoil(fault, places, reported, source)
             if fault.kind == "nan":
                 unreadable.append(fault.sensor)
         self._last = reported
@@ -81,29 +93,49 @@ class SensorFaults:
         self.unread = (*missing, *unreadable)
         return reported
 
-    def _freeze(
-        self, index: int, fault: SensorFault, present: Snapshot
-    ) -> dict[str, Any]:
-        if index not in self._frozen:
-            source = self._last if self._last is not None else present
-            self._frozen[index] = {
-                name: getattr(source, name) for name in sensor(fault.sensor).fields
-            }
-        return self._frozen[index]
+
+Place = tuple[str, slice]
+"""Field of the snapshot and the part of it."""
 
 
-def _spoil(fault: SensorFault, snapshot: Snapshot) -> dict[str, Any]:
+def _places(fault: SensorFault, joints: Sequence[str], *, what: str) -> list[Place]:
+    """Find the numbers that a fault changes."""
     failing = sensor(fault.sensor)
-    if fault.kind == "jump":
-        field, part = failing.place(failing.offset.attribute)
-        values = getattr(snapshot, field).copy()
-        axis = failing.offset.axis
-        values[part][slice(None) if axis is None else axis] += fault.offset
-        return {field: values}
-    wrong = math.nan if fault.kind == "nan" else IMPOSSIBLE
-    return {
-        name: np.full_like(getattr(snapshot, name), wrong) for name in failing.fields
-    }
+    names, axis = failing.attributes, fault.axis
+    if fault.part is not None:
+        names = (fault.part,)
+    elif fault.kind == "jump":
+        names = (failing.offset.attribute,)
+        if failing.offset.axis is not None:
+            axis = AXES[failing.offset.axis]
+    places = [failing.place(name) for name in names]
+    if axis is None:
+        return places
+    known = tuple(joints) if failing.message is JointState else AXES
+    if axis not in known:
+        raise ScenarioError(
+            f"{what}: the robot has no joint {axis!r}{nearest_or_all(axis, known)}",
+            field=what,
+        )
+    ((field, numbers),) = places
+    begin = numbers.start + known.index(axis)
+    return [(field, slice(begin, begin + 1))]
+
+
+def _spoil(
+    fault: SensorFault, places: list[Place], reported: Snapshot, frozen: Snapshot
+) -> Snapshot:
+    """Return the readings with one fault, which may take frozen ones."""
+    changed: dict[str, Any] = {}
+    for field, numbers in places:
+        values = changed.setdefault(field, getattr(reported, field).copy())
+        if fault.kind == "freeze":
+            values[numbers] = getattr(frozen, field)[numbers]
+        elif fault.kind == "jump":
+            values[numbers] += fault.offset
+        else:
+            values[numbers] = math.nan if fault.kind == "nan" else IMPOSSIBLE
+    return replace(reported, **changed)
 
 
 def kind_of(entry: Sensor) -> str:

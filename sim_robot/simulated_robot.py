@@ -116,7 +116,9 @@ class SimulatedRobot:
             )
         self.plant = Plant(robot, scenario, seed=seed)
         self._delay = CommandDelay(delay_ticks, posture=self.plant.posture)
-        self._faults = SensorFaults(scenario.fault, period_s=period_s)
+        self._faults = SensorFaults(
+            scenario.fault, joints=robot.joint_names, period_s=period_s
+        )
         self._sensed: Snapshot | None = None
         self._period_s = period_s
         self._recorded_ground = recorded_ground(scenario)

@@ -8,7 +8,7 @@ same verdicts.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from operator import eq
 from typing import Any, Final
@@ -27,6 +27,7 @@ FRESH: Ages = (0,) * len(SENSORS)
 REQUIRED = tuple(i for i, entry in enumerate(SENSORS) if entry.loss is Loss.HOLD)
 """Sensors without which nothing works, by their place in the table."""
 LEFT_FT, RIGHT_FT = (SENSORS.index(ankle_sensor(side)) for side in ("left", "right"))
+EVERY = tuple(range(len(SENSORS)))
 ATTITUDE_NORM: Final = (0.9, 1.1)
 """Range of the square of an attitude's norm."""
 UNLIMITED: Final = 1e200
@@ -35,6 +36,9 @@ SPEED_SHARE: Final = 5.0
 """Multiple of its velocity limit at which no joint can turn, whatever its encoder
 says."""
 
+STUCK_TIMES: Final = 5.0
+"""Multiple of ``frozen_after_s`` after which a number that repeats itself is stuck,
+while its sensor's others move. A coarse reading may repeat for a while."""
 OVERLOAD_WEIGHTS: Final = 2.0
 """Load a foot may be asked to carry, as in every step of a heavy robot [weights]."""
 
@@ -43,6 +47,9 @@ class SensorLimits:
     """Compares one tick's numbers with their limits, all at once.
 
     The readings of a snapshot form one row, in the order of the sensor table.
+
+    Attributes:
+        stuck: per sensor, whether a number in it repeats itself for long.
     """
 
     def __init__(self, robot: Robot, settings: SafetySettings) -> None:
@@ -55,6 +62,14 @@ class SensorLimits:
         self._rows: list[slice] = []
         self._trembling: list[Array] = []
         self._attitudes: list[tuple[int, Array]] = []
+        self._is_single, self._is_measured, self._moved, self._moves = np.zeros(
+            (4, size), dtype=bool
+        )
+        self._readings = [0] * len(SENSORS)
+        self._stuck_after = round(
+            STUCK_TIMES * settings.frozen_after_s / robot.period_s
+        )
+        self.stuck = [False] * len(SENSORS)
         ranges, jumps = np.full(size, UNLIMITED), np.full(size, UNLIMITED)
         for index, entry in enumerate(SENSORS):
             places = [layout.place(entry, name) for name in entry.attributes]
@@ -68,6 +83,7 @@ class SensorLimits:
             for place, quantity in zip(places, entry.quantities, strict=True):
                 if quantity.jump:
                     jumps[place] = getattr(settings, quantity.jump)
+                self._is_single[place] = quantity.trembles and quantity.size > 0
                 match quantity.reach:
                     case Reach.SETTING:
                         ranges[place] = getattr(settings, quantity.range)
@@ -106,6 +122,31 @@ class SensorLimits:
     def sums(self) -> tuple[float, ...]:
         """For each sensor, the sum of squares of its readings that always tremble."""
         return tuple([numbers.dot(numbers) for numbers in self._trembling])
+
+    def count_moves(self, fresh: Sequence[int]) -> bool:
+        """Notice numbers that repeat themselves while their sensor's others change.
+
+        Joints are left out, since one may rest while others move. So are numbers that
+        have never changed: not every sensor measures all axes.
+
+        Args:
+            fresh: sensors with a new reading, by their places in the table.
+
+        Returns:
+            Whether any sensor has such a number; ``stuck`` tells which.
+        """
+        np.not_equal(self._now, self._last, out=self._moves)
+        np.logical_or(self._moved, self._moves, out=self._moved)
+        for index in fresh:
+            self._readings[index] += 1
+            if self._readings[index] >= self._stuck_after:
+                row = self._rows[index]
+                moved, is_measured = self._moved[row], self._is_measured[row]
+                self.stuck[index] = bool((is_measured & ~moved).any())
+                is_measured |= moved & self._is_single[row]
+                moved[:] = False
+                self._readings[index] = 0
+        return True in self.stuck
 
     def believe_measured(self) -> None:
         """Compare the next numbers with those last measured."""
@@ -228,6 +269,8 @@ class SensorHealth:
             and sums[RIGHT_FT] <= self._overload
         )
         if is_well:
+            if limits.count_moves(EVERY):
+                self._is_calm = False  # from the next tick on
             limits.believe_measured()
             self._good = snapshot
             return snapshot
@@ -247,6 +290,7 @@ class SensorHealth:
             age == 0 and now != then
             for age, now, then in zip(ages, self._sums, before, strict=True)
         ]
+        self._limits.count_moves([i for i, is_new in enumerate(changed) if is_new])
         mended: dict[str, Any] = {}
         for index in range(len(SENSORS)):
             if changed[index]:
@@ -266,6 +310,7 @@ class SensorHealth:
             any(self._troubled)
             or any(self._repeats)
             or any(self._overloaded)
+            or any(self._limits.stuck)
             or any(self.lost)
         )
         self._good = replace(snapshot, **mended) if mended else snapshot
@@ -278,7 +323,7 @@ class SensorHealth:
             self._troubled[index] += 1
             self._well[index] = 0
             has_waited = (
-                self._repeats[index] >= self._frozen_after
+                trouble is SensorTrouble.FROZEN
                 or self._overloaded[index] > self._overload_after
             )
             if has_waited or self._troubled[index] > self._bridge:
@@ -301,7 +346,7 @@ class SensorHealth:
             return SensorTrouble.NOT_A_NUMBER
         if self._limits.is_beyond(index):
             return SensorTrouble.OUT_OF_RANGE
-        if self._repeats[index] >= self._frozen_after:
+        if self._repeats[index] >= self._frozen_after or self._limits.stuck[index]:
             return SensorTrouble.FROZEN
         if self._overloaded[index] > self._overload_after:
             return SensorTrouble.OVERLOADED

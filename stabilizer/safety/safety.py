@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
-from typing import Protocol, runtime_checkable
+from typing import Final, Protocol, runtime_checkable
 
 import numpy as np
 
@@ -20,10 +20,7 @@ from surefoot.schemas.reasons import EndReason, SensorTrouble, StabilizerState
 from surefoot.schemas.sensors import SENSORS
 from surefoot.schemas.settings import SafetySettings
 from surefoot.stabilizer.control.controller import Controller, ControllerOutput
-from surefoot.stabilizer.estimation.wrenches import (
-    ForceOffsets,
-    VirtualWrenches,
-)
+from surefoot.stabilizer.estimation.wrenches import ForceOffsets, VirtualWrenches
 from surefoot.stabilizer.model import RobotModel
 from surefoot.stabilizer.safety.health import (
     LEFT_FT,
@@ -31,6 +28,14 @@ from surefoot.stabilizer.safety.health import (
     RIGHT_FT,
     SensorHealth,
 )
+
+TURN_MEMORY_S: Final = 0.5
+"""Time over which gyroscope and attitude are compared [s]."""
+TURN_APART: Final = (0.025, 0.1)
+"""Angle in that time by which they may differ: at rest [rad], and per angle turned [1].
+No filter of an attitude corrects as much, and no gyroscope's bias changes so."""
+TURN_LEARNT_S: Final = 0.3
+"""Time after the start in which their usual difference, a bias, is learnt [s]."""
 
 
 @runtime_checkable
@@ -79,6 +84,7 @@ class Safety:
         self._settings = settings
         self._virtual: VirtualWrenches | None = None
         self._offsets: ForceOffsets | None = None
+        self._turns = TurnCheck(settings, period_s=robot.period_s)
         model = RobotModel(robot)
         self._health = SensorHealth(robot, settings, weight=model.weight)
         if robot.file.virtual_ft is None:
@@ -153,6 +159,10 @@ class Safety:
         is_degraded = any(self._degraded) or self.state is StabilizerState.DEGRADED
         if not self._health.all_believed or is_degraded:
             self._react_to_losses()
+        self._turns.update(believed)
+        if self._turns.are_apart:
+            self.losses.setdefault("imu", SensorTrouble.INCONSISTENT)
+            self.abort(EndReason.SENSOR_LOST, self._turns.in_words())
         self._look_for_fall(believed)
         if self._gives_up():
             return self._fade_out()
@@ -318,11 +328,71 @@ class Safety:
         return self._output
 
 
+class TurnCheck:
+    """Compares how the gyroscope and the unit's own attitude see up turn.
+
+    With u the direction of up in the IMU frame, du/dt = u x w. The heading, which some
+    units correct by the earth's magnetic field, does not count.
+
+    Attributes:
+        are_apart: whether they tell different motions.
+    """
+
+    def __init__(self, settings: SafetySettings, *, period_s: float) -> None:
+        """Begin before the first reading.
+
+        Args:
+            settings: time for which an odd reading is bridged.
+            period_s: time between two updates [s].
+        """
+        self.are_apart = False
+        self._dt = period_s
+        self._patience = round(settings.bridge_s / period_s)
+        self._odd = 0
+        self._left = round(TURN_LEARNT_S / period_s)
+        self._keep = math.exp(-period_s / TURN_MEMORY_S)
+        self._up: tuple[float, float, float] | None = None
+        self._usual = self._felt = self._apart = (0.0, 0.0, 0.0)
+        self._turned = 0.0
+
+    def update(self, snapshot: Snapshot) -> None:
+        """Take the readings of a tick."""
+        x, y, z = up = _up_in_unit(snapshot)
+        w_x, w_y, w_z = snapshot.angular_velocity.tolist()
+        turn = y * w_z - z * w_y, z * w_x - x * w_z, x * w_y - y * w_x
+        dt, keep = self._dt, 1.0 if self._left else self._keep
+        self._felt = _sum(self._felt, _sum(turn, self._usual, -1.0), dt)
+        self._turned = keep * self._turned + math.hypot(*turn) * dt
+        self._apart = _sum((0.0, 0.0, 0.0), self._apart, keep)
+        if up != self._up:  # a new attitude; the gyroscope may be quicker
+            seen = _sum(up, self._up or up, -1.0)
+            self._apart = _sum(self._apart, _sum(self._felt, seen, -1.0), 1.0)
+            self._felt, self._up = (0.0, 0.0, 0.0), up
+        if not self._left:
+            at_rest, share = TURN_APART
+            is_odd = math.hypot(*self._apart) > at_rest + share * self._turned
+            self._odd = self._odd + 1 if is_odd else 0
+            self.are_apart = self._odd > self._patience
+            return
+        self._left -= 1
+        if self._left == 0:
+            self._usual = _sum((0.0, 0.0, 0.0), self._apart, 1.0 / TURN_LEARNT_S)
+            self._apart, self._turned = (0.0, 0.0, 0.0), 0.0
+
+    def in_words(self) -> str:
+        """What the two tell."""
+        angle = math.degrees(math.hypot(*self._apart))
+        return f"imu inconsistent: gyroscope and attitude differ by {angle:.1f} deg"
+
+
+def _sum(
+    a: tuple[float, float, float], b: tuple[float, float, float], share: float
+) -> tuple[float, float, float]:
+    """Return a + share b."""
+    return a[0] + share * b[0], a[1] + share * b[1], a[2] + share * b[2]
+
+
 def _up_in_unit(snapshot: Snapshot) -> tuple[float, float, float]:
     """Return the world's up axis in the IMU frame, by the IMU's own attitude."""
     x, y, z, w = snapshot.quat_xyzw.tolist()
-    return (
-        2.0 * (x * z - y * w),
-        2.0 * (y * z + x * w),
-        1.0 - 2.0 * (x * x + y * y),
-    )
+    return 2.0 * (x * z - y * w), 2.0 * (y * z + x * w), 1.0 - 2.0 * (x * x + y * y)

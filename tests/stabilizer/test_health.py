@@ -17,7 +17,12 @@ from surefoot.schemas.sensors import SENSORS, Loss, Quantity, Reach, Sensor
 from surefoot.schemas.settings import SafetySettings
 from surefoot.stabilizer.control.controller import HoldController
 from surefoot.stabilizer.safety import safety as safety_module
-from surefoot.stabilizer.safety.health import FRESH, REQUIRED, SensorHealth
+from surefoot.stabilizer.safety.health import (
+    FRESH,
+    REQUIRED,
+    STUCK_TIMES,
+    SensorHealth,
+)
 from surefoot.stabilizer.safety.safety import Safety
 
 SETTINGS = SafetySettings()
@@ -139,6 +144,33 @@ def test_one_that_repeats_itself_is_lost(walker: Robot, entry: Sensor) -> None:
     for _ in range(LONG):
         health.check(replace(next(stream), **stuck), FRESH, moves=lambda: True)
     assert health.lost[SENSORS.index(entry)] is SensorTrouble.FROZEN
+
+
+SINGLE = [
+    (entry, quantity)
+    for entry, quantity in ALL
+    if quantity.trembles and quantity.size > 0
+]
+
+
+@each(SINGLE)
+@pytest.mark.parametrize("once_moved", [True, False])
+def test_one_number_that_repeats_itself_loses_its_sensor_if_it_ever_moved(
+    walker: Robot, entry: Sensor, quantity: Quantity, *, once_moved: bool
+) -> None:
+    health, stream = SensorHealth(walker, SETTINGS), trembling(walker)
+    field, part = entry.place(quantity.attribute)
+    number = part.start + 1
+    patience = round(STUCK_TIMES * SETTINGS.frozen_after_s / walker.period_s)
+    for tick in range(4 * patience):
+        reading = next(stream)
+        if tick > patience or not once_moved:
+            values = getattr(reading, field).copy()
+            values[number] = 1e-3
+            reading = replace(reading, **{field: values})
+        health.check(reading, FRESH, moves=lambda: True)
+    lost = health.lost[SENSORS.index(entry)]
+    assert lost is (SensorTrouble.FROZEN if once_moved else None)
 
 
 @every_sensor

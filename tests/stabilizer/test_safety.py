@@ -107,7 +107,7 @@ def test_healthy_runs_do_not_know_that_they_are_watched(
     assert sim.safety.detail == ""
 
 
-def fault(sensor: str, kind: str, **more: float) -> dict[str, Any]:
+def fault(sensor: str, kind: str, **more: Any) -> dict[str, Any]:
     row = {"sensor": sensor, "kind": kind, "start_s": 0.3, "duration_s": 10.0}
     return row | more
 
@@ -148,6 +148,40 @@ def test_a_lost_sensor_is_named_and_the_robot_stands(
     else:
         assert run.states == [ACTIVE, FADE_OUT, HELD]
         assert run.end is EndReason.SENSOR_LOST
+
+
+def part(sensor: str, kind: str, name: str, **more: Any) -> dict[str, Any]:
+    return fault(sensor, kind, part=name, start_s=0.6, **more)
+
+
+PARTS = {
+    "gyroscope stuck": part("imu", "freeze", "angular_velocity"),
+    "gyroscope's pitch stuck": part("imu", "freeze", "angular_velocity", axis="y"),
+    "accelerometer's height stuck": part(
+        "imu", "freeze", "linear_acceleration", axis="z"
+    ),
+    "gyroscope off": part("imu", "jump", "angular_velocity", axis="x", size=0.3),
+    "force stuck": part("left_ankle_ft", "freeze", "force", axis="z"),
+}
+
+
+@pytest.mark.usual("gyroscope off", "gyroscope's pitch stuck")
+@pytest.mark.closed_loop
+@pytest.mark.parametrize("name", PARTS)
+def test_a_part_of_a_sensor_that_fails_alone_is_told_in_time(
+    walker: Robot, name: str
+) -> None:
+    """Else the robot falls within two seconds, and nobody knows why."""
+    failing = PARTS[name]
+    ground = [{"foot": "both", "motion": [sine("pitch", 4.0, 0.3)]}]
+    run = watched_run(walker, duration_s=1.3, platform=ground, fault=[failing])
+    assert not run.fell
+    is_off = failing["kind"] == "jump"
+    trouble = SensorTrouble.INCONSISTENT if is_off else SensorTrouble.FROZEN
+    assert run.losses == {failing["sensor"]: trouble}
+    is_foot = failing["sensor"] in FEET
+    assert run.end is (EndReason.NONE if is_foot else EndReason.SENSOR_LOST)
+    assert run.detail.startswith(f"{failing['sensor']} {plain(trouble)}")
 
 
 @pytest.mark.usual("right_ankle_ft")
