@@ -137,6 +137,9 @@ class SafetySettings(FileStruct, frozen=True, kw_only=True):
     """Largest change of the rate of turn in one tick, each axis [rad/s]."""
     accel_jump_m_s2: Positive = 200.0
     """Largest change of the specific force in one tick, each axis [m/s^2]."""
+    attitude_gap_rad: Positive = 0.025
+    """Angle by which the gyroscope and the IMU's own attitude may differ in half a
+    second [rad]. More for a unit whose filter follows the accelerometer quickly."""
     joint_margin_rad: Positive = 0.2
     """Distance outside its range beyond which a joint reading is impossible [rad]."""
     joint_jump_rad: Positive = 0.1

@@ -31,9 +31,8 @@ from surefoot.stabilizer.safety.health import (
 
 TURN_MEMORY_S: Final = 0.5
 """Time over which gyroscope and attitude are compared [s]."""
-TURN_APART: Final = (0.025, 0.1)
-"""Angle in that time by which they may differ: at rest [rad], and per angle turned [1].
-No filter of an attitude corrects as much, and no gyroscope's bias changes so."""
+TURN_SHARE: Final = 0.1
+"""Part of the angle turned in that time by which they may differ as well [1]."""
 TURN_LEARNT_S: Final = 0.3
 """Time after the start in which their usual difference, a bias, is learnt [s]."""
 
@@ -342,11 +341,12 @@ class TurnCheck:
         """Begin before the first reading.
 
         Args:
-            settings: time for which an odd reading is bridged.
+            settings: angle allowed, and time for which an odd reading is bridged.
             period_s: time between two updates [s].
         """
         self.are_apart = False
         self._dt = period_s
+        self._most = settings.attitude_gap_rad
         self._patience = round(settings.bridge_s / period_s)
         self._odd = 0
         self._left = round(TURN_LEARNT_S / period_s)
@@ -369,8 +369,8 @@ class TurnCheck:
             self._apart = _sum(self._apart, _sum(self._felt, seen, -1.0), 1.0)
             self._felt, self._up = (0.0, 0.0, 0.0), up
         if not self._left:
-            at_rest, share = TURN_APART
-            is_odd = math.hypot(*self._apart) > at_rest + share * self._turned
+            most = self._most + TURN_SHARE * self._turned
+            is_odd = math.hypot(*self._apart) > most
             self._odd = self._odd + 1 if is_odd else 0
             self.are_apart = self._odd > self._patience
             return
