@@ -42,10 +42,16 @@ def read_toml(path: Path) -> dict[str, Any]:
     """Read a TOML table.
 
     Raises:
-        FileFormatError: the file is missing, unreadable or not TOML.
+        FileFormatError: the file is missing, empty, unreadable or not TOML.
     """
     try:
-        return tomllib.loads(path.read_text(encoding="utf-8-sig"))  # Windows marks it
+        text = path.read_text(encoding="utf-8-sig")  # Windows marks it
+        if not text.strip():  # cut off; defaults would take its place unnoticed
+            raise FileFormatError(
+                f"{path}: is empty, expected a TOML file; write it anew, or a # into "
+                "it for a file that sets nothing"
+            )
+        return tomllib.loads(text)
     except FileNotFoundError as error:
         raise FileFormatError(f"{path}: no such file") from error
     except IsADirectoryError as error:

@@ -103,7 +103,7 @@ def test_name_and_duration_are_enough(scenario_file: Path) -> None:
 @pytest.mark.parametrize(
     ("text", "words"),
     [
-        ("", "name: is missing, and so is duration_s"),
+        ("# mine", "name: is missing, and so is duration_s"),
         (HEAD + "friction = 1e300", "friction: got 1e+300"),
         (HEAD + "platform = 3", "platform: got 3, expected a list of tables"),
         (
@@ -242,8 +242,11 @@ def test_missing_and_broken_files_are_named(tmp_path: Path) -> None:
 
 def test_endpoints_default_to_loopback(tmp_path: Path) -> None:
     path = tmp_path / "endpoints.toml"
-    path.write_text("")
+    path.write_text("# as by default")
     assert load(path, Endpoints) == Endpoints()
+    path.write_text("\n")  # all that is left of a file that was cut off
+    with pytest.raises(FileFormatError, match=r"endpoints\.toml: is empty"):
+        load(path, Endpoints)
     assert Endpoints().listen == Endpoints().connect == [DEFAULT_LOCATOR]
 
 
