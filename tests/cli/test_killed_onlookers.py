@@ -17,7 +17,7 @@ from tests.surefoot.recording.mcap_reading import messages_of_cut_off
 
 pytest.importorskip("viser", reason="the live page needs viser: pip install -e .[view]")
 
-DURATION_S = 3.0
+DURATION_S = 2.0
 PROCESS = re.compile(r", process (\d+)")
 WRITTEN_BYTES = 1_000_000
 """Bytes: more than attachments and schemas, so the run is under way."""

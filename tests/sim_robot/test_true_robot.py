@@ -13,8 +13,6 @@ from surefoot.sim_robot.plant import Plant
 from surefoot.sim_robot.pushes import CaptureLimit
 from tests.sim_robot.conftest import MakePlant
 
-CAPTURE_TOLERANCE = 1e-6
-
 
 def held(plant: Plant, ticks: int, command: np.ndarray | None = None) -> Plant:
     for _ in range(ticks):

@@ -129,7 +129,7 @@ def test_bias_of_the_gyroscope_is_calibrated_on_all_axes(model: RobotModel) -> N
     np.testing.assert_allclose(estimator.v[3:6], 0.0, atol=EXACT)
 
 
-def test_own_motion_is_not_taken_for_bias(model: RobotModel, leaning: Array) -> None:
+def test_own_motion_is_not_taken_for_bias(model: RobotModel) -> None:
     """The legs see the base turn; only what they do not see is bias."""
     rate, on_soles = 0.05, StandingOnSoles(model)
 

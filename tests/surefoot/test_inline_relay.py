@@ -45,7 +45,7 @@ def shipped(name: str) -> RelayPlan:
     return load_relay_plan(find_plan(name))
 
 
-def test_a_clear_relay_changes_no_bit(short_scenario: Path, tmp_path: Path) -> None:
+def test_a_clear_relay_changes_no_bit(short_scenario: Path) -> None:
     plan = run_plan(short_scenario)
     plain = run_inline(plan).result
     clear = relayed(plan, shipped("clear"))
@@ -57,18 +57,14 @@ def test_a_clear_relay_changes_no_bit(short_scenario: Path, tmp_path: Path) -> N
 
 @pytest.mark.usual("jitter-5ms")
 @pytest.mark.parametrize("name", ["loss-5", "jitter-5ms", "reordered"])
-def test_the_same_seed_gives_the_same_run(
-    short_scenario: Path, tmp_path: Path, name: str
-) -> None:
+def test_the_same_seed_gives_the_same_run(short_scenario: Path, name: str) -> None:
     runs = [relayed(run_plan(short_scenario), shipped(name)).plant for _ in range(2)]
     assert runs[0].log_sha256 == runs[1].log_sha256
     assert not runs[0].fell
     assert runs[0].deadline_misses > 0
 
 
-def test_copies_are_refused_and_change_no_bit(
-    short_scenario: Path, tmp_path: Path
-) -> None:
+def test_copies_are_refused_and_change_no_bit(short_scenario: Path) -> None:
     plan = run_plan(short_scenario)
     clear = relayed(plan, shipped("clear")).plant
     twice = relayed(plan, shipped("duplicated")).plant
@@ -141,9 +137,7 @@ def late_commands(ms: float) -> RelayPlan:
     return convert({"name": "late", "fault": [fault]}, RelayPlan, source="test")
 
 
-def test_a_loop_too_slow_to_balance_with_ends_in_fault_and_says_so(
-    tmp_path: Path,
-) -> None:
+def test_a_loop_too_slow_to_balance_with_ends_in_fault_and_says_so() -> None:
     """No single command is too old, and there is one in every tick."""
     plan = run_plan(Path("moving-platform-fast"))
     done = relayed(plan, late_commands(6.0))
@@ -152,7 +146,7 @@ def test_a_loop_too_slow_to_balance_with_ends_in_fault_and_says_so(
     assert done.plant.refused.get("late", 0) == 0
 
 
-def test_a_loop_slower_by_3_ms_balances(short_scenario: Path, tmp_path: Path) -> None:
+def test_a_loop_slower_by_3_ms_balances(short_scenario: Path) -> None:
     plan = run_plan(short_scenario)
     done = relayed(plan, late_commands(3.0))
     assert done.controller.end is EndReason.RUN_OVER

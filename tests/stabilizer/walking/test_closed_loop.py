@@ -26,11 +26,7 @@ QUICK = {"step_s": 0.5, "double_s": 0.15, "start_s": 0.5}
 
 
 def walk(
-    robot: Robot,
-    duration_s: float,
-    *,
-    settings: dict[str, Any] | None = None,
-    **walk: Any,
+    robot: Robot, duration_s: float, **walk: Any
 ) -> tuple[RunResult, WholeBodyController, Array]:
     """Return result, controller, and the soles at the end relative to the start."""
     scenario = scenario_from_table(

@@ -126,7 +126,7 @@ def test_an_hour_of_the_shortest_steps_is_a_plan(walker: Robot) -> None:
     assert msgspec.convert(msgspec.to_builtins(plan), WalkPlan) == plan
 
 
-def test_an_arc_back_is_one(walker: Robot) -> None:
+def test_an_arc_back_is_one() -> None:
     """Heading and middle go where the velocity says, whichever foot opens."""
     pace = Pace(-0.2, 0.0, 0.3, single_s=0.6, double_s=0.2, height_m=0.05)
     endless = steps_at(pace, ORIGIN, half_width=HALF_M, first_id=0)
