@@ -77,8 +77,8 @@ class LineRun:
         figures = msgspec.to_builtins(result)
         return {
             "line": self.line,
-            "number": self.number,
-            "controller": self.controller,
+            "seed": self.number,
+            "variant": self.controller,
             "servo_profile": self.servo_profile,
             **figures_of(result),
             **{name: figures[name] for name in self.figures},

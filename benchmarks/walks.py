@@ -293,7 +293,7 @@ def table(rows: Sequence[Row]) -> str:
     """Return the Markdown table: a row per line and a column per controller."""
     cells: dict[tuple[str, str], list[Row]] = {}
     for row in rows:
-        column = f"{row['controller']}, {row['servo_profile']}"
+        column = f"{row['variant']}, {row['servo_profile']}"
         cells.setdefault((row["line"], column), []).append(row)
     return pivot("walk", cells, in_words).rstrip("\n")
 
@@ -303,7 +303,7 @@ def draw_shares(rows: Sequence[Row], path: str) -> None:
     from matplotlib.figure import Figure
 
     lines = list(dict.fromkeys(row["line"] for row in rows))
-    columns = list(dict.fromkeys((r["controller"], r["servo_profile"]) for r in rows))
+    columns = list(dict.fromkeys((r["variant"], r["servo_profile"]) for r in rows))
     figure = Figure(figsize=(7.0, 0.8 + 0.34 * len(lines)), layout="constrained")
     axes = figure.add_subplot()
     for number, column in enumerate(columns):
@@ -312,7 +312,7 @@ def draw_shares(rows: Sequence[Row], path: str) -> None:
             up = [
                 is_up(row)
                 for row in rows
-                if (row["line"], row["controller"], row["servo_profile"])
+                if (row["line"], row["variant"], row["servo_profile"])
                 == (line, *column)
             ]
             if not up:
@@ -347,7 +347,7 @@ def draw_pushes(rows: Sequence[Row], path: str) -> None:
         (False, "#c0392b", "X", "fell"),
     ):
         chosen = [row for row in rows if is_up(row) is walked]
-        places = [push_of(row["number"]) for row in chosen]
+        places = [push_of(row["seed"]) for row in chosen]
         axes.scatter(
             [angle for angle, _ in places],
             [at_s - PUSH_FROM_S for _, at_s in places],
@@ -388,7 +388,7 @@ def main() -> int:
         draw_shares(rows, options.figure)
     if options.push_figure:
         pushed = [row for row in rows if "push" in row["line"]]
-        kinds = ("line", "controller", "servo_profile")
+        kinds = ("line", "variant", "servo_profile")
         first = [pushed[0][kind] for kind in kinds]
         of = [row for row in pushed if [row[kind] for kind in kinds] == first]
         draw_pushes(of, options.push_figure)

@@ -54,7 +54,7 @@ def test_the_study_keeps_the_row_of_each_run(
     words = ["--out", str(tmp_path), "--jobs", "1", "--set", "tsid.com_kp=30"]
     options = study_options(None, count=1).parse_args(words)
     [row] = run_all([run], options, title="walks")
-    assert (row["line"], row["number"]) == (line, 3)
+    assert (row["line"], row["seed"]) == (line, 3)
     assert run_all([run], options, title="walks") == [row]
     assert replace(run, number=4).key != run.key
 
@@ -62,7 +62,7 @@ def test_the_study_keeps_the_row_of_each_run(
 def test_the_table_counts_runs_that_were_walked(tmp_path: Path) -> None:
     common: dict[str, Any] = {
         "line": "flat",
-        "controller": "whole-body",
+        "variant": "whole-body",
         "servo_profile": "ideal",
         "placement_error_max_mm": 4.0,
         "touchdown_peak_n": [300.0, 512.0],
