@@ -342,7 +342,7 @@ class TurnCheck:
 
         Args:
             settings: angle allowed, and time for which an odd reading is bridged.
-            period_s: time between two updates [s].
+            period_s: the robot's tick [s].
         """
         self.are_apart = False
         self._dt = period_s
@@ -354,13 +354,18 @@ class TurnCheck:
         self._up: tuple[float, float, float] | None = None
         self._usual = self._felt = self._apart = (0.0, 0.0, 0.0)
         self._turned = 0.0
+        self._tick, self._last = -1, (0.0, 0.0, 0.0)
 
     def update(self, snapshot: Snapshot) -> None:
-        """Take the readings of a tick."""
+        """Take the readings of a tick; ticks between may have been missed."""
         x, y, z = up = _up_in_unit(snapshot)
         w_x, w_y, w_z = snapshot.angular_velocity.tolist()
         turn = y * w_z - z * w_y, z * w_x - x * w_z, x * w_y - y * w_x
-        dt, keep = self._dt, 1.0 if self._left else self._keep
+        ticks = 1 if self._tick < 0 else max(1, snapshot.tick - self._tick)
+        self._tick, last, self._last = snapshot.tick, self._last, turn
+        if ticks > 1:
+            turn = _sum(turn, _sum(last, turn, -1.0), 0.5)  # the mean
+        dt, keep = self._dt * ticks, 1.0 if self._left else self._keep**ticks
         self._felt = _sum(self._felt, _sum(turn, self._usual, -1.0), dt)
         self._turned = keep * self._turned + math.hypot(*turn) * dt
         self._apart = _sum((0.0, 0.0, 0.0), self._apart, keep)
@@ -374,7 +379,7 @@ class TurnCheck:
             self._odd = self._odd + 1 if is_odd else 0
             self.are_apart = self._odd > self._patience
             return
-        self._left -= 1
+        self._left = max(0, self._left - ticks)
         if self._left == 0:
             self._usual = _sum((0.0, 0.0, 0.0), self._apart, 1.0 / TURN_LEARNT_S)
             self._apart, self._turned = (0.0, 0.0, 0.0), 0.0
