@@ -236,7 +236,7 @@ def hz(
     from surefoot.cli.bus_messages import TimingMeter, hz_table
     from surefoot.cli.bus_topics import find_channel, tell_absences
     from surefoot.cli.console import live_table, print_json, print_note, print_table
-    from surefoot.robot_io.bus.zenoh_config import dialed
+    from surefoot.robot_io.bus.session import dialed
     from surefoot.robot_io.client_side.listener import Listener
     from surefoot.robot_io.realtime import StopRequest
     from surefoot.robot_io.security.locators import is_local

@@ -21,7 +21,7 @@ from surefoot.schemas.reasons import NONE, given
 from surefoot.schemas.topics import ALL_CHANNELS, PUBLISHED, SERVICES, TOPICS, Topic
 
 if TYPE_CHECKING:
-    from surefoot.robot_io.client_side.guest import Absences
+    from surefoot.robot_io.client_side.robot_watch import Absences
 
 
 class KeyRow(msgspec.Struct, kw_only=True):

@@ -15,7 +15,7 @@ from surefoot.errors import ExitCode
 if TYPE_CHECKING:
     from surefoot.recording.read import Record
     from surefoot.recording.write import McapFile
-    from surefoot.robot_io.client_side.guest import Absences
+    from surefoot.robot_io.client_side.robot_watch import Absences
 _READY = "ready: what is said from now on is in the record"
 _CUT_OFF = "{} is cut off; all complete ticks were written"
 

@@ -12,8 +12,7 @@ from pathlib import Path
 
 import msgspec
 
-from surefoot.robot_io.bus.session import CONNECT_TIMEOUT_S
-from surefoot.robot_io.bus.zenoh_config import Role, session_config
+from surefoot.robot_io.bus.session import CONNECT_TIMEOUT_S, Role, session_config
 from surefoot.robot_io.robot import load_robot
 from surefoot.schemas.endpoints import Endpoints, Tls
 from surefoot.schemas.toml_file import load

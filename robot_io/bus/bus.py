@@ -18,8 +18,12 @@ import zenoh
 from zenoh.handlers import Callback
 
 from surefoot.robot_io.bus.channel import Channel, Waker
-from surefoot.robot_io.bus.session import CONNECT_TIMEOUT_S, open_session, unreachable
-from surefoot.robot_io.bus.zenoh_config import Role
+from surefoot.robot_io.bus.session import (
+    CONNECT_TIMEOUT_S,
+    Role,
+    open_session,
+    unreachable,
+)
 from surefoot.robot_io.errors import RobotUnreachableError
 from surefoot.robot_io.realtime import Pace, StopRequest, distribution_of
 from surefoot.schemas.arrays import MS_PER_S

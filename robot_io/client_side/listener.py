@@ -15,7 +15,7 @@ import zenoh
 from zenoh.handlers import Callback
 
 from surefoot.robot_io.bus.bus import Bus
-from surefoot.robot_io.client_side.guest import GuestClient
+from surefoot.robot_io.client_side.robot_watch import ReadOnlyClient
 from surefoot.robot_io.realtime import SWITCH_INTERVAL_S
 from surefoot.robot_io.robot import Robot
 from surefoot.schemas.endpoints import Endpoints
@@ -179,7 +179,7 @@ class RawMessage(NamedTuple):
     received_ns: int
 
 
-class Listener(GuestClient):
+class Listener(ReadOnlyClient):
     """Receives known and unknown keys, without any part in the robot's control.
 
     An :class:`~surefoot.robot_io.client_side.observer.Observer` reads a robot's

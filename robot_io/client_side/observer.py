@@ -11,8 +11,8 @@ import msgspec
 
 from surefoot.robot_io.bus.bus import Bus
 from surefoot.robot_io.bus.channel import Channel
-from surefoot.robot_io.client_side.guest import GuestClient
 from surefoot.robot_io.client_side.requests import Requests, ServiceCaller
+from surefoot.robot_io.client_side.robot_watch import ReadOnlyClient
 from surefoot.robot_io.robot import Robot
 from surefoot.schemas.codec import decode
 from surefoot.schemas.endpoints import Endpoints
@@ -61,7 +61,7 @@ class Sample(NamedTuple):
     received_ns: int
 
 
-class Observer(GuestClient):
+class Observer(ReadOnlyClient):
     """Receives channels of a robot and commands nothing.
 
     A context manager, used by one thread. Zenoh keeps the messages in rings until

@@ -14,7 +14,7 @@ import zenoh
 from surefoot.robot_io.bus.bus import Bus, bytes_of
 from surefoot.robot_io.bus.channel import Latest
 from surefoot.robot_io.bus.session import cause_of
-from surefoot.robot_io.client_side.guest import GuestClient
+from surefoot.robot_io.client_side.robot_watch import ReadOnlyClient
 from surefoot.robot_io.errors import RequestRefusedError, RobotUnreachableError
 from surefoot.robot_io.robot import Robot
 from surefoot.schemas.codec import decode, encode
@@ -280,7 +280,7 @@ def _reply(
         query.reply(query.key_expr, encode(reply))
 
 
-class PlannerClient(GuestClient):
+class PlannerClient(ReadOnlyClient):
     """Sends plans to the stabilizer that commands the robot.
 
     A context manager, used by one thread. It commands nothing: the stabilizer decides

@@ -9,8 +9,7 @@ from contextlib import ExitStack
 from pathlib import Path
 
 from surefoot.robot_io.bus.bus import Bus, dial
-from surefoot.robot_io.bus.session import expect_to_listen
-from surefoot.robot_io.bus.zenoh_config import Role
+from surefoot.robot_io.bus.session import Role, expect_to_listen
 from surefoot.robot_io.client_side.robot_watch import RobotWatch
 from surefoot.robot_io.errors import RobotIoError
 from surefoot.robot_io.realtime import StopRequest, quiet_interpreter

@@ -14,7 +14,7 @@ from typing import NamedTuple, Self
 import zenoh
 
 from surefoot.robot_io.bus.bus import Bus, bytes_of
-from surefoot.robot_io.bus.zenoh_config import Role
+from surefoot.robot_io.bus.session import Role
 from surefoot.robot_io.errors import SecondRobotError
 from surefoot.robot_io.identity import (
     SAME_FILE,

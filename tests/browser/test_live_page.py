@@ -18,7 +18,7 @@ import pytest
 
 from surefoot.robot_io.bus.bus import Bus, loopback_endpoints
 from surefoot.robot_io.bus.channel import Latest
-from surefoot.robot_io.bus.zenoh_config import Role
+from surefoot.robot_io.bus.session import Role
 from surefoot.schemas.endpoints import write_endpoints
 from surefoot.schemas.messages import RobotMode, RobotStatus
 from surefoot.schemas.reasons import ModeCause

@@ -13,7 +13,7 @@ from pathlib import Path
 import pytest
 
 from surefoot.robot_io.bus.bus import Bus
-from surefoot.robot_io.bus.zenoh_config import Role
+from surefoot.robot_io.bus.session import Role
 from surefoot.robot_io.identity import new_identity
 from surefoot.robot_io.robot import load_robot
 from surefoot.runs import load_run

@@ -13,7 +13,7 @@ import zenoh
 import surefoot as sf
 from surefoot.errors import ExitCode, exit_code_of
 from surefoot.robot_io.bus import session
-from surefoot.robot_io.bus.zenoh_config import Role, session_config
+from surefoot.robot_io.bus.session import Role, session_config
 from surefoot.robot_io.errors import LocatorError, RobotFileError
 from surefoot.robot_io.relay.lane import Lane
 from surefoot.robot_io.relay.relay import PLANS_DIR

@@ -10,7 +10,7 @@ import numpy as np
 
 from surefoot.robot_io.bus.bus import Bus
 from surefoot.robot_io.bus.channel import TOKEN_BYTES, Latest
-from surefoot.robot_io.bus.zenoh_config import Role
+from surefoot.robot_io.bus.session import Role
 from surefoot.robot_io.realtime import Pace
 from surefoot.robot_io.robot import load_robot
 from surefoot.schemas.codec import decode_fields, encode

@@ -10,7 +10,7 @@ import pytest
 
 from surefoot.robot_io.bus.bus import Bus
 from surefoot.robot_io.bus.channel import Latest
-from surefoot.robot_io.bus.zenoh_config import Role
+from surefoot.robot_io.bus.session import Role
 from surefoot.robot_io.realtime import Pace
 from surefoot.robot_io.robot import load_robot
 from surefoot.robot_io.ticks.recorder import BLOCK_TICKS, Block, BlockFormat

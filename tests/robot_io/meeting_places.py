@@ -5,8 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
 
-from surefoot.robot_io.bus.session import open_session
-from surefoot.robot_io.bus.zenoh_config import Role
+from surefoot.robot_io.bus.session import Role, open_session
 from surefoot.schemas.endpoints import Endpoints
 from tests.support import free_port
 

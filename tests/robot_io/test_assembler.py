@@ -12,7 +12,7 @@ import pytest
 
 from surefoot.robot_io.bus.bus import Bus
 from surefoot.robot_io.bus.channel import Inbox
-from surefoot.robot_io.bus.zenoh_config import Role
+from surefoot.robot_io.bus.session import Role
 from surefoot.robot_io.client_side.assembler import (
     SensorReader,
     SnapshotAssembler,

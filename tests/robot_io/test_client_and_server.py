@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from surefoot.robot_io.bus.bus import Bus
-from surefoot.robot_io.bus.zenoh_config import Role
+from surefoot.robot_io.bus.session import Role
 from surefoot.robot_io.client_side.client import RobotClient
 from surefoot.robot_io.client_side.observer import VIEWER_CHANNELS, Observer
 from surefoot.robot_io.client_side.requests import ServiceCaller

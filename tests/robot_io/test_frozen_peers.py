@@ -19,7 +19,7 @@ MESSAGES, MOST_SILENT = 300, 3000
 BUS = """
 import sys, time
 from surefoot.robot_io.bus.bus import Bus
-from surefoot.robot_io.bus.zenoh_config import Role
+from surefoot.robot_io.bus.session import Role
 from surefoot.schemas.endpoints import Endpoints
 place = ["tcp/127.0.0.1:{port}"]
 endpoints = Endpoints(listen=place, connect=place, lease_ms=100)

@@ -9,7 +9,7 @@ from contextlib import ExitStack, contextmanager
 import pytest
 
 from surefoot.robot_io.bus.bus import Bus
-from surefoot.robot_io.bus.zenoh_config import Role
+from surefoot.robot_io.bus.session import Role
 from surefoot.robot_io.client_side.client import RobotClient
 from surefoot.robot_io.client_side.listener import Listener
 from surefoot.robot_io.client_side.observer import Observer

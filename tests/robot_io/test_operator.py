@@ -10,8 +10,7 @@ import msgspec
 import pytest
 import zenoh
 
-from surefoot.robot_io.bus.session import open_session
-from surefoot.robot_io.bus.zenoh_config import Role
+from surefoot.robot_io.bus.session import Role, open_session
 from surefoot.robot_io.client_side.client import RobotClient
 from surefoot.robot_io.robot import Robot, load_robot
 from surefoot.schemas.codec import decode, encode

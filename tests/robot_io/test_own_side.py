@@ -12,8 +12,7 @@ import msgspec
 import pytest
 
 from surefoot.errors import ExitCode, exit_code_of
-from surefoot.robot_io.bus.session import open_session
-from surefoot.robot_io.bus.zenoh_config import Role
+from surefoot.robot_io.bus.session import Role, open_session
 from surefoot.robot_io.client_side.observer import Observer
 from surefoot.robot_io.errors import (
     CertificateError,

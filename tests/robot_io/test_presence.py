@@ -11,7 +11,7 @@ import pytest
 
 from surefoot.robot_io.bus import bus
 from surefoot.robot_io.bus.bus import Bus
-from surefoot.robot_io.bus.zenoh_config import Role
+from surefoot.robot_io.bus.session import Role
 from surefoot.robot_io.client_side import robot_watch
 from surefoot.robot_io.errors import RobotUnreachableError
 from surefoot.robot_io.realtime import StopRequest

@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from surefoot.robot_io.bus.bus import LONGEST_SOCKET_PATH, Bus, private_bus
-from surefoot.robot_io.bus.zenoh_config import Role
+from surefoot.robot_io.bus.session import Role
 from surefoot.schemas.topics import ALIVE_ROBOT
 from tests.support import PATIENCE_S, wait_until
 

@@ -6,8 +6,7 @@ from pathlib import Path
 
 import msgspec
 
-from surefoot.robot_io.bus.session import open_session
-from surefoot.robot_io.bus.zenoh_config import Role
+from surefoot.robot_io.bus.session import Role, open_session
 from surefoot.robot_io.robot import load_robot
 from surefoot.schemas.codec import encode
 from surefoot.schemas.endpoints import Endpoints

@@ -14,8 +14,7 @@ import pytest
 import zenoh
 from zenoh.handlers import RingChannel
 
-from surefoot.robot_io.bus.session import open_session
-from surefoot.robot_io.bus.zenoh_config import Role
+from surefoot.robot_io.bus.session import Role, open_session
 from surefoot.robot_io.errors import LocatorError, RobotUnreachableError
 from surefoot.robot_io.identity import new_identity
 from surefoot.robot_io.robot import Robot, load_robot

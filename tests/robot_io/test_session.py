@@ -12,8 +12,7 @@ import zenoh
 from zenoh.handlers import RingChannel
 
 from surefoot.robot_io.bus import session
-from surefoot.robot_io.bus.session import RUNTIME_VARIABLE, open_session
-from surefoot.robot_io.bus.zenoh_config import Role
+from surefoot.robot_io.bus.session import RUNTIME_VARIABLE, Role, open_session
 from surefoot.robot_io.errors import EndpointError, RobotUnreachableError
 from surefoot.schemas.endpoints import Endpoints
 from tests.robot_io.meeting_places import meeting_place

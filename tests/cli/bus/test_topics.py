@@ -5,7 +5,7 @@ import json
 import pytest
 
 from surefoot.robot_io.bus.bus import Bus
-from surefoot.robot_io.bus.zenoh_config import Role
+from surefoot.robot_io.bus.session import Role
 from surefoot.schemas.endpoints import Endpoints
 from surefoot.schemas.topics import TOPICS
 from tests.cli.bus.conftest import Ask
