@@ -244,6 +244,13 @@ class Robot:
         return self._column("velocity_limit_rad_s")
 
     @cached_property
+    def command_reach(self) -> Array:
+        """(n_a,) largest change of a command from one tick to the next [rad]."""
+        by_speed = self.velocity_limit * self.period_s
+        reach: Array = np.minimum(by_speed, self.file.gate.step_limit_rad)
+        return reach
+
+    @cached_property
     def soft_lower(self) -> Array:
         """(n_a,) lower end of the ranges that the controller uses [rad]."""
         return self._soft("soft_lower_rad", self.lower)

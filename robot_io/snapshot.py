@@ -21,6 +21,9 @@ from surefoot.schemas.topics import TICK_SENSORS
 
 Ages = tuple[int, ...]
 """Ages of the sensors' messages [ticks], in the order of the sensor table."""
+MOST_PASSED = 20
+"""Longest train of ticks without an answer that is taken in. An inbox keeps more, so a
+record tells which they were."""
 OTHER_CLOCK_NS = 200_000_000
 """Largest distance between stamps of one tick from one clock [ns]. Stamps farther apart
 come from several clocks and tell no ages; no loop balances with such old readings."""
@@ -120,6 +123,29 @@ class SnapshotLayout:
         if stamp_ns is None:
             stamp_ns = max([message.stamp_ns for message in messages])
         return self.view(tick, stamp_ns, numbers, measured_ns=measured_ns)
+
+    def join_passed(
+        self, passed: Sequence[Sequence[Message]], *, after: int, before: int
+    ) -> tuple[Snapshot, ...]:
+        """Join the ticks between two answered ones, as far as they are complete.
+
+        Args:
+            passed: messages of each sensor, in the order of the sensor table.
+            after: the tick answered last.
+            before: the tick to be answered now.
+
+        Returns:
+            Snapshots in the order of their ticks; only ticks of which every sensor has
+            sent its message, and only the last :data:`MOST_PASSED` ones.
+        """
+        after = max(after, before - 1 - MOST_PASSED)
+        by_tick = [{message.tick: message for message in said} for said in passed]
+        ticks = set(by_tick[0]).intersection(*by_tick[1:])
+        return tuple(
+            self.join(tick, [said[tick] for said in by_tick])
+            for tick in sorted(ticks)
+            if after < tick < before
+        )
 
     def view(
         self,

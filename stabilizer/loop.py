@@ -206,6 +206,8 @@ class Loop:
             self._is_told = False
             self._hold_since_ns = None
             self._last_tick = tick - 1
+        for snapshot in reading.overtaken:
+            self._safety.pass_over(snapshot)
         taken = self._take_plan()
         output = self._safety.step(
             reading.snapshot, reading.ages, self._reference(tick)

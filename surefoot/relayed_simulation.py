@@ -121,6 +121,8 @@ class RelayedSimulation(Simulation):
         if reading is None:
             return None
         safety = self._safety_around(controller, reading.snapshot)
+        for snapshot in reading.overtaken:
+            safety.pass_over(snapshot)
         output = safety.step(reading.snapshot, reading.ages, reference)
         tick = reading.snapshot.tick
         self._note(output, tick, is_stale=bool(reading.stale), duration_ns=0)
@@ -178,6 +180,7 @@ class HeardSensor(Generic[M]):
 
     Attributes:
         latest: newest message taken; None before the first.
+        passed: messages taken for the last snapshot.
         newest: tick of the newest message that has arrived.
         is_lost: the sensor stayed away; it is not waited for until it is back.
     """
@@ -185,6 +188,7 @@ class HeardSensor(Generic[M]):
     def __init__(self, kind: type[M], *, joint_count: int) -> None:
         """Begin without messages."""
         self.latest: M | None = None
+        self.passed: list[M] = []
         self.is_lost = False
         self._kind = kind
         self._joint_count = joint_count
@@ -214,8 +218,10 @@ class HeardSensor(Generic[M]):
 
     def take_up_to(self, tick: int) -> None:
         """Take the messages up to a tick; the last of them counts."""
-        while self._waiting and self._waiting[0].tick <= tick:
-            self.latest = self._waiting.pop(0)
+        self.passed = [message for message in self._waiting if message.tick <= tick]
+        del self._waiting[: len(self.passed)]
+        if self.passed:
+            self.latest = self.passed[-1]
 
 
 class DelayedSensors:
@@ -257,10 +263,13 @@ class DelayedSensors:
         for sensor in self.sensors.values():
             sensor.is_lost = sensor in late
             sensor.take_up_to(tick)
-        self._answered, self._is_waiting = tick, False
+        answered, self._answered, self._is_waiting = self._answered, tick, False
         messages = [s.latest for s in self.sensors.values() if s.latest is not None]
         if len(messages) < len(self.sensors):
             return None
         stale = tuple(name for name, s in self.sensors.items() if s.tick != tick)
         snapshot = self._layout.join(tick, messages)
-        return SnapshotReading(snapshot, stale, ages_of(messages, tick), 0)
+        overtaken = self._layout.join_passed(
+            [s.passed for s in self.sensors.values()], after=answered, before=tick
+        )
+        return SnapshotReading(snapshot, stale, ages_of(messages, tick), 0, overtaken)

@@ -225,16 +225,20 @@ class Simulation:
         if not safety.is_done:
             output = self._answer(safety, tick, reference)
             self._last_tick = tick if safety.is_done else None
-        due = simulated.commands_needed(tick)
-        if due in self._commands:
-            command = self._commands.pop(due)
-            result = self.gate.accept(command, tick=tick, now_s=now_s)
-            simulated.apply(result.posture, tick=due)
-            if due == self._last_tick:
-                self._leave(now_s)
+        self._follow_waiting(tick, now_s)
         simulated.step()
         self._elapsed_s += time.perf_counter() - began_s
         return output
+
+    def _follow_waiting(self, tick: int, now_s: float) -> None:
+        """Follow the command that is due by now, if there is one."""
+        due = self.simulated.commands_needed(tick)
+        if due in self._commands:
+            command = self._commands.pop(due)
+            result = self.gate.accept(command, tick=tick, now_s=now_s)
+            self.simulated.apply(result.posture, tick=due)
+            if due == self._last_tick:
+                self._leave(now_s)
 
     def run(
         self,

@@ -23,6 +23,7 @@ class SensorReader(Generic[M]):
         name: name of its channel.
         inbox: receives its messages.
         latest: newest message taken; None before the first.
+        passed: messages taken one by one since the last snapshot.
         is_lost: whether it has kept the others waiting too long. It is not waited for
             until it has caught up with them.
         patience_s: longest time it may keep the others waiting; shorter once it was
@@ -34,6 +35,7 @@ class SensorReader(Generic[M]):
         self.name = name
         self.inbox = inbox
         self.latest: M | None = None
+        self.passed: list[M] = []
         self.is_lost = False
         self.patience_s = patience_s
 
@@ -46,6 +48,8 @@ class SensorReader(Generic[M]):
         """Take the message at the head of the inbox."""
         self.latest = self.inbox.peek()
         self.inbox.drop()
+        if self.latest is not None:
+            self.passed.append(self.latest)
 
     def take_newest(self) -> None:
         """Take all messages received so far; the last one counts."""
@@ -71,6 +75,7 @@ class SensorReader(Generic[M]):
         """Begin anew with a restarted robot."""
         self.inbox.restart()
         self.latest = None
+        self.passed.clear()
         self.is_lost = False
 
     def _catch_up(self, tick: int) -> None:
@@ -100,12 +105,15 @@ class SnapshotReading(NamedTuple):
             snapshot holds their newest values.
         ages: ticks since each channel's message, in the order of the sensor table.
         complete_ns: end of the wait for it, on ``time.perf_counter_ns`` [ns].
+        overtaken: complete snapshots since the last reading that this one has
+            overtaken, oldest first: nobody has answered them.
     """
 
     snapshot: Snapshot
     stale: tuple[str, ...]
     ages: Ages
     complete_ns: int
+    overtaken: tuple[Snapshot, ...] = ()
 
 
 class SnapshotAssembler:
@@ -153,10 +161,10 @@ class SnapshotAssembler:
                 return None
             for sensor in self._sensors:
                 sensor.reach(tick)
-            self._tick = tick
+            last, self._tick = self._tick, tick
             messages = [s.latest for s in self._sensors if s.latest is not None]
             if len(messages) == len(self._sensors):
-                return self._join(tick, messages)
+                return self._join(tick, messages, self._overtaken(last))
 
     def missing(self) -> tuple[str, ...]:
         """Return the channels without any message so far."""
@@ -214,10 +222,22 @@ class SnapshotAssembler:
         else:
             self._partial_since_s = min(self._partial_since_s, now_s)
 
-    def _join(self, tick: int, messages: Sequence[Message]) -> SnapshotReading:
+    def _overtaken(self, last: int) -> tuple[Snapshot, ...]:
+        """Join the ticks since the last reading that nobody has answered."""
+        passed = [sensor.passed for sensor in self._sensors]
+        if not any(passed):  # nearly always
+            return ()
+        joined = self._layout.join_passed(passed, after=last, before=self._tick)
+        for messages in passed:
+            messages.clear()
+        return () if last == NEVER else joined
+
+    def _join(
+        self, tick: int, messages: Sequence[Message], overtaken: tuple[Snapshot, ...]
+    ) -> SnapshotReading:
         snapshot = self._layout.join(tick, messages)
         ages = ages_of(messages, tick)
-        if not any(ages):
-            return SnapshotReading(snapshot, (), ages, self._complete_ns)
-        stale = tuple(s.name for s in self._sensors if s.tick != tick)
-        return SnapshotReading(snapshot, stale, ages, self._complete_ns)
+        stale: tuple[str, ...] = ()
+        if any(ages):
+            stale = tuple(s.name for s in self._sensors if s.tick != tick)
+        return SnapshotReading(snapshot, stale, ages, self._complete_ns, overtaken)

@@ -97,7 +97,7 @@ class CommandLimits:
         self._upper = robot.upper - margin
         self._by_velocity = robot.velocity_limit * robot.period_s
         self._by_step = np.full(robot.n_a, robot.file.gate.step_limit_rad)
-        self._reach = np.minimum(self._by_velocity, self._by_step)
+        self._reach = robot.command_reach
         self._low, self._high, self._excess = np.empty((3, robot.n_a))
 
     def clip(self, wanted: Array, before: Array, *, out: Array) -> tuple[Limit, ...]:

@@ -26,8 +26,15 @@ if TYPE_CHECKING:
     from surefoot.stabilizer.qp import QpData, QpSolution
     from surefoot.stabilizer.walking.feet import WalkState
 
-OPTIONAL = ("retune", "degrade", "undo_overload")
-"""Optional methods, of :class:`Tunable` and :class:`Degradable`, used if present."""
+OPTIONAL = ("pass_over", "retune", "degrade", "undo_overload")
+"""Optional methods, of :class:`PassesOver`, :class:`Tunable` and :class:`Degradable`,
+used if present."""
+CATCH_UP = 0.5
+"""Motion of missed ticks that is made up for in one tick [ticks]: more at once would
+jerk a robot whose drives follow at once."""
+MOST_OWED_S = 0.01
+"""Longest missed motion that is made up for [s]; after longer ones the feet tell where
+to go."""
 
 
 @dataclass(slots=True)
@@ -113,6 +120,18 @@ ControllerFactory = Callable[[ControllerSettings], Controller]
 
 
 @runtime_checkable
+class PassesOver(Protocol):
+    """A controller that takes in ticks which get no answer; others never see them."""
+
+    def pass_over(self, snapshot: Snapshot) -> None:
+        """Take in a tick that gets no answer: the robot keeps its last command.
+
+        Args:
+            snapshot: reading of all sensors.
+        """
+
+
+@runtime_checkable
 class Tunable(Protocol):
     """A controller that takes new gains; others keep the gains they were made with."""
 
@@ -164,6 +183,7 @@ class BalanceController(ABC):
         self.com_wanted = self.stance.com
         self.failure: QpData | None = None
         self._tick = 0
+        self._owed, self._most_owed = 0.0, MOST_OWED_S / robot.period_s
 
     def start(self, snapshot: Snapshot, q_command: Array) -> None:
         """Begin on a robot that stands still, once."""
@@ -186,6 +206,14 @@ class BalanceController(ABC):
         wrench_qp, motion_qp = self._command(state)
         return self._answer(wrench_qp, motion_qp)
 
+    def pass_over(self, snapshot: Snapshot) -> None:
+        """Take in a tick that gets no answer; see :class:`PassesOver`."""
+        self._tick = snapshot.tick
+        self._owed = min(self._owed + 1.0, self._most_owed)
+        state = self.observer.pass_over(snapshot)
+        if state is not None:
+            self._look_on(state)
+
     @abstractmethod
     def _take_over(self, q_command: Array) -> None:
         """Begin at a posture.
@@ -203,6 +231,10 @@ class BalanceController(ABC):
         """
 
     @abstractmethod
+    def _look_on(self, state: ObservedState) -> None:
+        """Let a tick without a command pass in all that counts time."""
+
+    @abstractmethod
     def _output(self) -> ControllerOutput:
         """Make the answer from the present command, old or new, and its quantities."""
 
@@ -215,9 +247,22 @@ class BalanceController(ABC):
         output.wrench_qp, output.motion_qp = wrench_qp, motion_qp
         return output
 
-    def _fade(self, state: ObservedState) -> float:
-        """Return the part of the motion to carry out; it grows after calibration."""
-        return min(max(state.active_s / self._settings.dik.ramp_in_s, 0.0), 1.0)
+    def _ticks_of_motion(
+        self, state: ObservedState, *, most: float = CATCH_UP
+    ) -> float:
+        """Return for how many ticks to move now.
+
+        Less than one at first: the motion fades in after calibration. More than one
+        after missed ticks, in which the robot kept its command.
+
+        Args:
+            state: of the robot.
+            most: largest number of missed ticks to make up for at once.
+        """
+        owed = min(self._owed, most)
+        self._owed -= owed
+        fade = min(max(state.active_s / self._settings.dik.ramp_in_s, 0.0), 1.0)
+        return fade * (1.0 + owed)
 
     def _keep_failure(self, solution: QpSolution) -> None:
         """Keep the first problem that could not be solved."""

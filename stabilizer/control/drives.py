@@ -57,21 +57,23 @@ class DriveInverse:
         reached: (n_a,) set-points that the model reaches with it [rad].
     """
 
-    def __init__(self, profile: ServoProfile, *, joints: int, period_s: float) -> None:
+    def __init__(self, profile: ServoProfile, *, most: Array, period_s: float) -> None:
         """Start at rest at zero; see :meth:`take_over`.
 
         Args:
             profile: speed limit and lag.
-            joints: n_a.
+            most: (n_a,) largest change of a command from tick to tick [rad].
             period_s: from tick to tick [s].
         """
+        joints = most.size
         self._gain = -math.expm1(-period_s / profile.lag_s) if profile.lag_s else 1.0
         self.lead = 1.0 / self._gain - 1.0
-        self._reach = profile.velocity_limit_rad_s * period_s
+        self._reach = np.full(joints, profile.velocity_limit_rad_s * period_s)
         self.sent: Array = np.zeros(joints)
         self.reached: Array = np.zeros(joints)
         self._low, self._high = np.zeros(joints), np.zeros(joints)
         self._asked = np.zeros(joints)
+        self._most, self._waited = most, 0
 
     @property
     def lags(self) -> bool:
@@ -98,6 +100,9 @@ class DriveInverse:
             (n_a,) ``sent``, reused by the next call.
         """
         asked, reach = self._asked, self._reach
+        if self._waited:
+            reach = np.minimum(reach * (1 + self._waited), self._most)
+            self._waited = 0
         np.subtract(q_wanted, self.reached, out=asked)
         asked *= share * self.lead
         asked += q_wanted
@@ -106,13 +111,21 @@ class DriveInverse:
         np.maximum(asked, self._low, out=self.sent)
         np.minimum(self.sent, self._high, out=self.sent)
         is_beyond = self.sent != asked
-        np.subtract(self.sent, self.reached, out=asked)
-        asked *= self._gain
-        self.reached += asked
+        self._move()
         if share > 0.0 and is_beyond.any():
             back = share * (self.reached - q_wanted)
             q_wanted += np.where(is_beyond, back, 0.0)
         return self.sent
+
+    def wait(self) -> None:
+        """Let a tick pass without a command; the drives go on towards the last one."""
+        self._waited += 1
+        self._move()
+
+    def _move(self) -> None:
+        np.subtract(self.sent, self.reached, out=self._asked)
+        self._asked *= self._gain
+        self.reached += self._asked
 
 
 def fastest_mode(dynamics: Dynamics, *, kp: Array, contact_stiffness: float) -> float:

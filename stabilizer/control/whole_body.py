@@ -6,6 +6,7 @@ Data flows one way: snapshot -> observer -> first QP (TSID) -> wrench law -> sec
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
 
 import numpy as np
@@ -16,7 +17,11 @@ from surefoot.schemas.arrays import Array
 from surefoot.schemas.messages import Reference
 from surefoot.schemas.settings import ControllerSettings
 from surefoot.schemas.walk_plan import WalkPlan
-from surefoot.stabilizer.control.controller import BalanceController, ControllerOutput
+from surefoot.stabilizer.control.controller import (
+    CATCH_UP,
+    BalanceController,
+    ControllerOutput,
+)
 from surefoot.stabilizer.control.dik import Dik
 from surefoot.stabilizer.control.drives import DriveInverse, fastest_mode
 from surefoot.stabilizer.control.force_feedback import ForceFeedback
@@ -117,8 +122,9 @@ class WholeBodyController(BalanceController):
             self.tasks,
             solver=solver,
         )
+        self._reach = robot.command_reach[self.model.to_model]
         self.drives = DriveInverse(
-            robot.servo_profile, joints=self.model.n_a, period_s=robot.period_s
+            robot.servo_profile, most=self._reach, period_s=robot.period_s
         )
         self._q_command: Array = np.zeros(self.model.n_a)
         self._v_joint: Array = np.zeros(self.model.n_a)
@@ -209,6 +215,14 @@ class WholeBodyController(BalanceController):
             for shift in shifts:
                 shift.move(stance, -1.0)
 
+    def _look_on(self, state: ObservedState) -> None:
+        if self.walk.is_walking:
+            self.walk.update(
+                state, self.dynamics, self.stance, law=self.law, tick=self._tick
+            )
+        if self.drives.lags:
+            self.drives.wait()
+
     def _shifts(self, state: ObservedState) -> list[Approach | Sway]:
         """Advance the offsets that move the reference, and return the active ones."""
         dynamics, stance, walk = self.dynamics, self.stance, self.walk
@@ -260,12 +274,18 @@ class WholeBodyController(BalanceController):
             self._keep_failure(dik)
             return QpStatus.OK, dik.status
         self._v_joint[:] = dik.x[N_BASE_V:]
-        self._integrate(self._v_joint, fade=self._fade(state))
+        # Drives that lag smooth a jump themselves, and their inverse counts on it.
+        most = math.inf if self.drives.lags else CATCH_UP
+        self._integrate(self._v_joint, self._ticks_of_motion(state, most=most))
         return QpStatus.OK, QpStatus.OK
 
-    def _integrate(self, v_joint: Array, *, fade: float) -> None:
-        """Add v_J dt to the command: faded in at first, kept near the robot."""
-        self._q_command += (fade * self._dt) * v_joint
+    def _integrate(self, v_joint: Array, ticks: float) -> None:
+        """Add v_J dt of this number of ticks to the command, kept near the robot."""
+        motion = (ticks * self._dt) * v_joint
+        if ticks > 1.0:
+            np.minimum(motion, self._reach, out=motion)
+            np.maximum(motion, -self._reach, out=motion)
+        self._q_command += motion
         if self._return_ticks:
             self._return_ticks -= 1
             self._q_command += self._return_step

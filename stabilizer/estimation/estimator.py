@@ -112,6 +112,8 @@ class Estimator:
             memory_s=settings.accel_bias_memory_s, period_s=period_s
         )
         self._felt: Vec3 = np.zeros(3)
+        self._passed: list[list[float]] = []
+        self._is_firm = False
 
     def calibrate(self, snapshot: Snapshot, *, wrenches: Array | None) -> bool:
         """Take one reading of a robot that keeps its posture.
@@ -140,7 +142,7 @@ class Estimator:
         difference = self._compare(snapshot, wrenches)
         over, rate = self._point_over_ground()
         self._vertical.calibrate(
-            self._acceleration(),
+            self._acceleration(self._felt.item(2)),
             difference,
             height=over,
             rate=rate,
@@ -169,10 +171,12 @@ class Estimator:
             self._attitude.rest_on(self._leg_rate())
         difference = self._compare(snapshot, wrenches)
         over, rate = self._point_over_ground()
+        if self._passed:
+            self._make_up(over, rate)
         if self._dt > SAME_TIME_S:
             difference = None
         self._vertical.update(
-            self._acceleration(),
+            self._acceleration(self._felt.item(2)),
             difference,
             over=over,
             rate=rate,
@@ -183,6 +187,24 @@ class Estimator:
         if not all(self.anchors.planted):
             self._follow_feet()
         self._pull_yaw()
+
+    def pass_over(self, snapshot: Snapshot) -> None:
+        """Turn with the gyroscope, and keep what the accelerometer feels for later.
+
+        The legs tell their own part of the acceleration when they are read again.
+
+        Args:
+            snapshot: reading of all sensors of a tick that gets no answer.
+        """
+        attitude, accel = self._attitude, snapshot.linear_acceleration
+        bias = self._accel_bias.bias
+        attitude.update(
+            snapshot.angular_velocity,
+            accel - self._R_imu_base.dot(bias),
+            leg_velocity=self._unit_velocity,
+        )
+        felt = attitude.R_world_imu.dot(accel) - self.R_world_base.dot(bias)
+        self._passed.append(felt.tolist())
 
     @property
     def ground_acceleration(self) -> list[float]:
@@ -345,6 +367,7 @@ class Estimator:
             v_com=self._v_com,
             soles=self._soles,
             wrenches=wrenches,
+            ticks=1 + len(self._passed),
         )
         # In walking, impacts and swinging legs spoil the comparison.
         tells = is_felt and not self.anchors.by_load
@@ -354,13 +377,9 @@ class Estimator:
         felt -= self.R_world_base.dot(bias.bias)
         h_x, h_y, _ = felt.tolist()
         r_x, r_y, _ = feet.relative
+        self._is_firm = tells and self._stands_on_both(wrenches)
         self._ground.update(
-            (h_x - r_x, h_y - r_y),
-            (
-                self._v_com[0] + self._leg_velocity.item(0),
-                self._v_com[1] + self._leg_velocity.item(1),
-            ),
-            firm=tells and self._stands_on_both(wrenches),
+            (h_x - r_x, h_y - r_y), self._com_velocity(), firm=self._is_firm
         )
         return feet.by_force[2] if tells else None
 
@@ -382,9 +401,31 @@ class Estimator:
         left, right = self.anchors.level
         return self._left_share * left + (1.0 - self._left_share) * right
 
-    def _acceleration(self) -> float:
+    def _acceleration(self, felt: float) -> float:
         """Return that point's vertical acceleration by the accelerometer [m/s^2]."""
-        return self._felt.item(2) - GRAVITY - 0.5 * self._felt_motion.relative[2]
+        return felt - GRAVITY - 0.5 * self._felt_motion.relative[2]
+
+    def _make_up(self, over: float, rate: float) -> None:
+        """Integrate what was felt in the ticks that got no answer."""
+        r_x, r_y, _ = self._felt_motion.relative
+        seen = self._com_velocity()
+        for x, y, z in self._passed:
+            self._vertical.update(
+                self._acceleration(z),
+                None,
+                over=over,
+                rate=rate,
+                steps=self.anchors.by_load,
+            )
+            self._ground.update((x - r_x, y - r_y), seen, firm=self._is_firm)
+        self._passed.clear()
+
+    def _com_velocity(self) -> tuple[float, float]:
+        """Return the horizontal velocity of the CoM over the feet [m/s]."""
+        return (
+            self._v_com[0] + self._leg_velocity.item(0),
+            self._v_com[1] + self._leg_velocity.item(1),
+        )
 
     def _take_height(self) -> None:
         """Set the base's height from that of the filtered point."""

@@ -97,6 +97,7 @@ class FeltMotion:
         v_com: Sequence[float],
         soles: Sequence[tuple[Mat, Sequence[float]]],
         wrenches: Array | None,
+        ticks: int = 1,
     ) -> bool:
         """Compare one tick, with the base's origin at rest in the world's origin.
 
@@ -109,6 +110,7 @@ class FeltMotion:
             v_com: velocity of the centre of mass [m/s].
             soles: (3, 3) rotation and position of left and right sole [m].
             wrenches: (12,) measured sole wrenches, sole frames [N, N m]; None: unknown.
+            ticks: number of ticks since the last comparison.
 
         Returns:
             Whether the feet carry enough, so that ``by_force`` and ``by_pressure`` are
@@ -117,7 +119,7 @@ class FeltMotion:
         a_x, a_y, a_z = v_imu[0] - v_com[0], v_imu[1] - v_com[1], v_imu[2] - v_com[2]
         b_x, b_y, b_z = self._apart or (a_x, a_y, a_z)
         self._apart = a_x, a_y, a_z
-        rate = self._rate
+        rate = self._rate / ticks
         r_x, r_y, r_z = (a_x - b_x) * rate, (a_y - b_y) * rate, (a_z - b_z) * rate
         self.relative = r_x, r_y, r_z
         if wrenches is None:

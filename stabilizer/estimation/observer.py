@@ -251,13 +251,8 @@ class Observer:
         if not _is_finite(snapshot):
             return None
         state, estimator, kinematics = self.state, self.estimator, self._kinematics
-        self._since_start_s += self._dt
-        state.active_s = self._since_start_s - self._calibration_s
-        state.is_calibrating = self._since_start_s < self._calibration_s
-        if state.is_calibrating:
-            hurries = estimator.calibrate(snapshot, wrenches=self._measured)
-            if hurries and self._since_start_s > HURRIED_S:
-                self._calibration_s = self._since_start_s
+        if self._is_calibrating():
+            self._calibrate(snapshot)
         else:
             estimator.update(snapshot, wrenches=self._measured)
         state.q, state.v = estimator.q, estimator.v
@@ -279,6 +274,39 @@ class Observer:
             self._measured = None
         self.contacts.update(F_meas.item(NORMAL), F_meas.item(6 + NORMAL))
         return state
+
+    def pass_over(self, snapshot: Snapshot) -> ObservedState | None:
+        """Take in a tick that gets no answer; it costs little.
+
+        Only the motion is integrated. Kinematics, wrenches and contacts stay those of
+        the last answered tick.
+
+        Returns:
+            As for :meth:`update`.
+        """
+        if not _is_finite(snapshot):
+            return None
+        estimator = self.estimator
+        if self._is_calibrating():
+            self._calibrate(snapshot)
+        elif isinstance(estimator, Estimator):
+            estimator.pass_over(snapshot)
+        else:
+            estimator.update(snapshot, wrenches=self._measured)
+        return self.state
+
+    def _is_calibrating(self) -> bool:
+        """Begin a tick; return whether tilt and bias are still being measured."""
+        state = self.state
+        self._since_start_s += self._dt
+        state.active_s = self._since_start_s - self._calibration_s
+        state.is_calibrating = self._since_start_s < self._calibration_s
+        return state.is_calibrating
+
+    def _calibrate(self, snapshot: Snapshot) -> None:
+        hurries = self.estimator.calibrate(snapshot, wrenches=self._measured)
+        if hurries and self._since_start_s > HURRIED_S:
+            self._calibration_s = self._since_start_s
 
     def leave_out(self, lost: tuple[bool, bool], *, instead: Array) -> None:
         """Go on without ankle sensors.

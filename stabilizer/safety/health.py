@@ -42,6 +42,13 @@ while its sensor's others move. A coarse reading may repeat for a while."""
 OVERLOAD_WEIGHTS: Final = 2.0
 """Load a foot may be asked to carry, as in every step of a heavy robot [weights]."""
 
+TURN_MEMORY_S: Final = 0.5
+"""Time over which gyroscope and attitude are compared [s]."""
+TURN_SHARE: Final = 0.1
+"""Part of the angle turned in that time by which they may differ as well [1]."""
+TURN_LEARNT_S: Final = 0.3
+"""Time after the start in which their usual difference, a bias, is learnt [s]."""
+
 
 class SensorLimits:
     """Compares one tick's numbers with their limits, all at once.
@@ -355,3 +362,74 @@ class SensorHealth:
         if is_compared and self._limits.has_jumped(index):
             return SensorTrouble.JUMPED
         return None
+
+
+class TurnCheck:
+    """Compares how the gyroscope and the unit's own attitude see up turn.
+
+    With u the direction of up in the IMU frame, du/dt = u x w. The heading, which some
+    units correct by the earth's magnetic field, does not count.
+
+    Attributes:
+        are_apart: whether they tell different motions.
+    """
+
+    def __init__(self, settings: SafetySettings, *, period_s: float) -> None:
+        """Begin before the first reading.
+
+        Args:
+            settings: angle allowed, and time for which an odd reading is bridged.
+            period_s: the robot's tick [s].
+        """
+        self.are_apart = False
+        self._dt = period_s
+        self._most = settings.attitude_gap_rad
+        self._patience = round(settings.bridge_s / period_s)
+        self._odd = 0
+        self._left = round(TURN_LEARNT_S / period_s)
+        self._keep = math.exp(-period_s / TURN_MEMORY_S)
+        self._up: tuple[float, float, float] | None = None
+        self._usual = self._felt = self._apart = (0.0, 0.0, 0.0)
+        self._turned = 0.0
+
+    def update(self, snapshot: Snapshot) -> None:
+        """Take the readings of a tick."""
+        x, y, z = up = up_in_unit(snapshot)
+        w_x, w_y, w_z = snapshot.angular_velocity.tolist()
+        turn = y * w_z - z * w_y, z * w_x - x * w_z, x * w_y - y * w_x
+        keep = 1.0 if self._left else self._keep
+        self._felt = _sum(self._felt, _sum(turn, self._usual, -1.0), self._dt)
+        self._turned = keep * self._turned + math.hypot(*turn) * self._dt
+        self._apart = _sum((0.0, 0.0, 0.0), self._apart, keep)
+        if up != self._up:  # a new attitude; the gyroscope may be quicker
+            seen = _sum(up, self._up or up, -1.0)
+            self._apart = _sum(self._apart, _sum(self._felt, seen, -1.0), 1.0)
+            self._felt, self._up = (0.0, 0.0, 0.0), up
+        if not self._left:
+            most = self._most + TURN_SHARE * self._turned
+            is_odd = math.hypot(*self._apart) > most
+            self._odd = self._odd + 1 if is_odd else 0
+            self.are_apart = self._odd > self._patience
+            return
+        self._left -= 1
+        if self._left == 0:
+            self._usual = _sum((0.0, 0.0, 0.0), self._apart, 1.0 / TURN_LEARNT_S)
+            self._apart, self._turned = (0.0, 0.0, 0.0), 0.0
+
+    def in_words(self) -> str:
+        """What the two tell."""
+        angle = math.degrees(math.hypot(*self._apart))
+        return f"imu inconsistent: gyroscope and attitude differ by {angle:.1f} deg"
+
+
+def up_in_unit(snapshot: Snapshot) -> tuple[float, float, float]:
+    """Return the world's up axis in the IMU frame, by the IMU's own attitude."""
+    x, y, z, w = snapshot.quat_xyzw.tolist()
+    return 2.0 * (x * z - y * w), 2.0 * (y * z + x * w), 1.0 - 2.0 * (x * x + y * y)
+
+
+def _sum(
+    a: tuple[float, float, float], b: tuple[float, float, float], share: float
+) -> tuple[float, float, float]:
+    """Return a + share b."""
+    return a[0] + share * b[0], a[1] + share * b[1], a[2] + share * b[2]

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
-from typing import Final, Protocol, runtime_checkable
+from typing import Protocol, runtime_checkable
 
 import numpy as np
 
@@ -19,22 +19,22 @@ from surefoot.schemas.messages import Reference
 from surefoot.schemas.reasons import EndReason, SensorTrouble, StabilizerState
 from surefoot.schemas.sensors import SENSORS
 from surefoot.schemas.settings import SafetySettings
-from surefoot.stabilizer.control.controller import Controller, ControllerOutput
+from surefoot.stabilizer.control.controller import (
+    Controller,
+    ControllerOutput,
+    PassesOver,
+)
 from surefoot.stabilizer.estimation.wrenches import ForceOffsets, VirtualWrenches
 from surefoot.stabilizer.model import RobotModel
 from surefoot.stabilizer.safety.health import (
+    FRESH,
     LEFT_FT,
     REQUIRED,
     RIGHT_FT,
     SensorHealth,
+    TurnCheck,
+    up_in_unit,
 )
-
-TURN_MEMORY_S: Final = 0.5
-"""Time over which gyroscope and attitude are compared [s]."""
-TURN_SHARE: Final = 0.1
-"""Part of the angle turned in that time by which they may differ as well [1]."""
-TURN_LEARNT_S: Final = 0.3
-"""Time after the start in which their usual difference, a bias, is learnt [s]."""
 
 
 @runtime_checkable
@@ -98,6 +98,8 @@ class Safety:
         self._leave_ticks = round(settings.leave_s / robot.period_s)
         self._bridge_ticks = round(settings.bridge_s / robot.period_s)
         self._unanswered = 0
+        self._tick = 0
+        self._takes_in = controller if isinstance(controller, PassesOver) else None
         self._is_number = np.empty(robot.n_a, dtype=bool)
         self._fade = 0
         self._left = 0
@@ -128,7 +130,8 @@ class Safety:
         if self._virtual is not None:
             snapshot = self._virtual.infer(snapshot)
         self.controller.start(snapshot, q_command)
-        self._up = _up_in_unit(snapshot)
+        self._up = up_in_unit(snapshot)
+        self._tick = snapshot.tick
         self._command, self._before = q_command.copy(), q_command.copy()
 
     def step(
@@ -145,6 +148,40 @@ class Safety:
             return self._output
         if self._gives_up():
             return self._fade_out()
+        believed = self._believed(snapshot, ages)
+        if self._gives_up():
+            return self._fade_out()
+        output = self.controller.step(believed, reference)
+        if not np.isfinite(output.q_command, out=self._is_number).all():
+            return self._unheard(output)
+        self._unanswered = 0
+        if self.state is StabilizerState.SOFT_STOP:
+            output = self._soft_stopped(output)
+        self._before, self._command = self._command, self._before
+        self._command[:] = output.q_command  # whose array the controller may reuse
+        self._output = output
+        return output
+
+    def pass_over(self, snapshot: Snapshot) -> None:
+        """Take in a tick that gets no answer; none from before the start.
+
+        The robot keeps its command. Readings are judged; what follows from a lost
+        sensor waits for the next answer.
+
+        Args:
+            snapshot: reading of all sensors of that tick.
+        """
+        takes_in = self._takes_in
+        if takes_in is None or snapshot.tick <= self._tick or self._gives_up():
+            return
+        if self._virtual is not None:
+            snapshot = self._virtual.infer(snapshot)
+        believed = self._health.check(snapshot, FRESH, moves=self._moves)
+        if self._health.all_believed:
+            takes_in.pass_over(believed)
+
+    def _believed(self, snapshot: Snapshot, ages: Ages) -> Snapshot:
+        """Return what is believed of a reading; give up if that is too little."""
         if self._virtual is not None:
             snapshot = self._virtual.infer(snapshot)
         believed = self._health.check(snapshot, ages, moves=self._moves)
@@ -158,23 +195,16 @@ class Safety:
         is_degraded = any(self._degraded) or self.state is StabilizerState.DEGRADED
         if not self._health.all_believed or is_degraded:
             self._react_to_losses()
-        self._turns.update(believed)
+        # This reading also stands for the ticks before it without an answer.
+        ticks = min(snapshot.tick - self._tick, self._bridge_ticks)
+        self._tick = snapshot.tick
+        for _ in range(max(1, ticks)):
+            self._turns.update(believed)
         if self._turns.are_apart:
             self.losses.setdefault("imu", SensorTrouble.INCONSISTENT)
             self.abort(EndReason.SENSOR_LOST, self._turns.in_words())
         self._look_for_fall(believed)
-        if self._gives_up():
-            return self._fade_out()
-        output = self.controller.step(believed, reference)
-        if not np.isfinite(output.q_command, out=self._is_number).all():
-            return self._unheard(output)
-        self._unanswered = 0
-        if self.state is StabilizerState.SOFT_STOP:
-            output = self._soft_stopped(output)
-        self._before, self._command = self._command, self._before
-        self._command[:] = output.q_command  # whose array the controller may reuse
-        self._output = output
-        return output
+        return believed
 
     def request_soft_stop(self, detail: str) -> None:
         """Let the robot come to rest in balance; then the command stands still.
@@ -277,7 +307,7 @@ class Safety:
         return self._before_overload[side], ticks[side]
 
     def _look_for_fall(self, snapshot: Snapshot) -> None:
-        x, y, z = _up_in_unit(snapshot)
+        x, y, z = up_in_unit(snapshot)
         up_x, up_y, up_z = self._up
         upright = x * up_x + y * up_y + z * up_z
         if upright < self._least_upright:
@@ -325,79 +355,3 @@ class Safety:
             before = ControllerOutput(self._command)
         self._output = replace(before, q_command=self._command)
         return self._output
-
-
-class TurnCheck:
-    """Compares how the gyroscope and the unit's own attitude see up turn.
-
-    With u the direction of up in the IMU frame, du/dt = u x w. The heading, which some
-    units correct by the earth's magnetic field, does not count.
-
-    Attributes:
-        are_apart: whether they tell different motions.
-    """
-
-    def __init__(self, settings: SafetySettings, *, period_s: float) -> None:
-        """Begin before the first reading.
-
-        Args:
-            settings: angle allowed, and time for which an odd reading is bridged.
-            period_s: the robot's tick [s].
-        """
-        self.are_apart = False
-        self._dt = period_s
-        self._most = settings.attitude_gap_rad
-        self._patience = round(settings.bridge_s / period_s)
-        self._odd = 0
-        self._left = round(TURN_LEARNT_S / period_s)
-        self._keep = math.exp(-period_s / TURN_MEMORY_S)
-        self._up: tuple[float, float, float] | None = None
-        self._usual = self._felt = self._apart = (0.0, 0.0, 0.0)
-        self._turned = 0.0
-        self._tick, self._last = -1, (0.0, 0.0, 0.0)
-
-    def update(self, snapshot: Snapshot) -> None:
-        """Take the readings of a tick; ticks between may have been missed."""
-        x, y, z = up = _up_in_unit(snapshot)
-        w_x, w_y, w_z = snapshot.angular_velocity.tolist()
-        turn = y * w_z - z * w_y, z * w_x - x * w_z, x * w_y - y * w_x
-        ticks = 1 if self._tick < 0 else max(1, snapshot.tick - self._tick)
-        self._tick, last, self._last = snapshot.tick, self._last, turn
-        if ticks > 1:
-            turn = _sum(turn, _sum(last, turn, -1.0), 0.5)  # the mean
-        dt, keep = self._dt * ticks, 1.0 if self._left else self._keep**ticks
-        self._felt = _sum(self._felt, _sum(turn, self._usual, -1.0), dt)
-        self._turned = keep * self._turned + math.hypot(*turn) * dt
-        self._apart = _sum((0.0, 0.0, 0.0), self._apart, keep)
-        if up != self._up:  # a new attitude; the gyroscope may be quicker
-            seen = _sum(up, self._up or up, -1.0)
-            self._apart = _sum(self._apart, _sum(self._felt, seen, -1.0), 1.0)
-            self._felt, self._up = (0.0, 0.0, 0.0), up
-        if not self._left:
-            most = self._most + TURN_SHARE * self._turned
-            is_odd = math.hypot(*self._apart) > most
-            self._odd = self._odd + 1 if is_odd else 0
-            self.are_apart = self._odd > self._patience
-            return
-        self._left = max(0, self._left - ticks)
-        if self._left == 0:
-            self._usual = _sum((0.0, 0.0, 0.0), self._apart, 1.0 / TURN_LEARNT_S)
-            self._apart, self._turned = (0.0, 0.0, 0.0), 0.0
-
-    def in_words(self) -> str:
-        """What the two tell."""
-        angle = math.degrees(math.hypot(*self._apart))
-        return f"imu inconsistent: gyroscope and attitude differ by {angle:.1f} deg"
-
-
-def _sum(
-    a: tuple[float, float, float], b: tuple[float, float, float], share: float
-) -> tuple[float, float, float]:
-    """Return a + share b."""
-    return a[0] + share * b[0], a[1] + share * b[1], a[2] + share * b[2]
-
-
-def _up_in_unit(snapshot: Snapshot) -> tuple[float, float, float]:
-    """Return the world's up axis in the IMU frame, by the IMU's own attitude."""
-    x, y, z, w = snapshot.quat_xyzw.tolist()
-    return 2.0 * (x * z - y * w), 2.0 * (y * z + x * w), 1.0 - 2.0 * (x * x + y * y)

@@ -265,17 +265,17 @@ class CommandedRobot:
         desired += self.v
         return desired
 
-    def integrate(self, velocity: Array, q_measured: Array, *, fade: float) -> None:
+    def integrate(self, velocity: Array, q_measured: Array, *, ticks: float) -> None:
         """Integrate a velocity, but keep near the measured joints.
 
         Args:
             velocity: (n_v,) of base and joints.
             q_measured: (n_a,) joints, model order [rad].
-            fade: part of the motion to carry out [1].
+            ticks: for how many ticks to move.
         """
         model, reach = self._model, self._limits.windup_limit_rad
         self.v[:] = velocity
-        self.q = pin.integrate(model.pin_model, self.q, (fade * self._dt) * self.v)
+        self.q = pin.integrate(model.pin_model, self.q, (ticks * self._dt) * self.v)
         joints = self.q[7:]
         low = np.maximum(q_measured - reach, model.lower)
         high = np.minimum(q_measured + reach, model.upper)

@@ -121,17 +121,7 @@ class ZmpController(BalanceController):
 
     def _command(self, state: ObservedState) -> tuple[QpStatus, QpStatus]:
         """Apply all laws and integrate; nothing moves while calibrating."""
-        self._velocity += self._velocity_blend * (self.measured.v_com - self._velocity)
-        self._stand_on_support()
-        self.walk.update(
-            state,
-            self.measured,
-            self.stance,
-            law=self._ground,
-            tick=self._tick,
-            commanded=self.commanded.kinematics,
-        )
-        self._follow_height(state.ground_height)
+        self._look_on(state)
         if state.is_calibrating:
             return QpStatus.OK, QpStatus.OK
         in_contact, commanded = state.in_contact, self.commanded
@@ -165,8 +155,21 @@ class ZmpController(BalanceController):
             self._keep_failure(ik)
             return QpStatus.OK, ik.status
         measured = state.q[N_BASE_V + 1 :]
-        commanded.integrate(ik.x, measured, fade=self._fade(state))
+        commanded.integrate(ik.x, measured, ticks=self._ticks_of_motion(state))
         return QpStatus.OK, QpStatus.OK
+
+    def _look_on(self, state: ObservedState) -> None:
+        self._velocity += self._velocity_blend * (self.measured.v_com - self._velocity)
+        self._stand_on_support()
+        self.walk.update(
+            state,
+            self.measured,
+            self.stance,
+            law=self._ground,
+            tick=self._tick,
+            commanded=self.commanded.kinematics,
+        )
+        self._follow_height(state.ground_height)
 
     def _stand_on_support(self) -> None:
         """Move the commanded robot to where the real one stands, once per step."""

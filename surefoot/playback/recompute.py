@@ -252,6 +252,11 @@ def recompute(
             gains.serve_controller(law)
             safety = Safety(law, inputs.robot, inputs.settings.safety)
             safety.start(reading.snapshot, np.array(start.q_held))
+        if safety is not None:
+            if command.tick == inputs.stop_tick:
+                safety.request_soft_stop("")
+            for snapshot in reading.overtaken:
+                safety.pass_over(snapshot)
         while plans and plans[0].tick <= command.tick:
             plan = plans.popleft()
             if isinstance(law, Walks):
@@ -259,8 +264,6 @@ def recompute(
         if safety is None:
             continue
         stamp_ns = reading.snapshot.stamp_ns
-        if command.tick == inputs.stop_tick:
-            safety.request_soft_stop("")
         output = safety.step(reading.snapshot, reading.ages, references.at(stamp_ns))
         outcome.stale += any(reading.ages)
         _compare(command, output.q_command, outcome, inputs.robot)

@@ -19,6 +19,7 @@ from mcap.records import Message as RecordedMessage
 from surefoot.errors import UsageError
 from surefoot.recording.contents import ROBOT_JSON, ROBOT_TOML, ROBOT_URDF
 from surefoot.recording.read import Record, decode_json, read_record, with_nan
+from surefoot.robot_io.bus.channel import NEVER
 from surefoot.robot_io.realtime import StopRequest
 from surefoot.robot_io.robot import Robot, load_robot, make_robot
 from surefoot.robot_io.snapshot import Ages, Snapshot, SnapshotLayout, ages_of
@@ -220,10 +221,17 @@ def to_wire(data: bytes, *, is_raw: bool) -> bytes:
 
 
 class Reading(NamedTuple):
-    """A snapshot, and the age of each sensor's message in ticks."""
+    """A snapshot, and the age of each sensor's message in ticks.
+
+    Attributes:
+        snapshot: sensors of one tick.
+        ages: ticks since each sensor's message, in the order of the sensor table.
+        overtaken: complete snapshots of the ticks since the last reading.
+    """
 
     snapshot: Snapshot
     ages: Ages
+    overtaken: tuple[Snapshot, ...]
 
 
 class RecordedSensors:
@@ -245,6 +253,8 @@ class RecordedSensors:
                 self._entries[entry.channel].append(entry)
         self._next = dict.fromkeys(TICK_SENSORS, 0)
         self._latest: dict[str, Any] = dict.fromkeys(TICK_SENSORS)
+        self._passed: dict[str, list[Any]] = {name: [] for name in TICK_SENSORS}
+        self._tick = NEVER
 
     def at(self, tick: int) -> Reading | None:
         """Return the stabilizer's reading of a tick; ticks must not decrease.
@@ -255,9 +265,15 @@ class RecordedSensors:
         for name in TICK_SENSORS:
             self._advance(name, tick)
         messages = [m for m in self._latest.values() if m is not None]
+        passed = [self._passed[name] for name in TICK_SENSORS]
+        overtaken = self._layout.join_passed(passed, after=self._tick, before=tick)
+        self._tick = tick
+        for said in passed:
+            said.clear()
         if len(messages) < len(TICK_SENSORS):
             return None
-        return Reading(self._layout.join(tick, messages), ages_of(messages, tick))
+        snapshot = self._layout.join(tick, messages)
+        return Reading(snapshot, ages_of(messages, tick), overtaken)
 
     def _advance(self, name: str, tick: int) -> None:
         """Read the messages of a sensor up to a tick."""
@@ -271,6 +287,7 @@ class RecordedSensors:
             before = self._latest[name]
             if message is not None and (before is None or message.tick > before.tick):
                 self._latest[name] = message
+                self._passed[name].append(message)
 
     def _read(self, name: str, entry: Entry) -> Message | None:
         kind: type[Any] = topic(name).message

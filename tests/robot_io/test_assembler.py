@@ -128,6 +128,30 @@ def test_newest_skips_what_is_out_of_date(newest: Wire) -> None:
     assert_same(newest.read().snapshot, snapshot_at(20))
 
 
+def test_overtaken_ticks_are_told_as_far_as_they_are_complete(newest: Wire) -> None:
+    newest.send(0)
+    assert newest.read().overtaken == ()
+    for tick in range(1, 5):
+        newest.send(tick, without="imu" if tick == 2 else "")
+    newest.all_arrived()
+    reading = newest.read()
+    assert [snapshot.tick for snapshot in reading.overtaken] == [1, 3]
+    for snapshot in reading.overtaken:
+        assert_same(snapshot, snapshot_at(snapshot.tick))
+    newest.send(5)
+    assert newest.read().overtaken == ()
+
+
+def test_what_came_before_the_first_reading_is_of_no_use(newest: Wire) -> None:
+    for begins in (0, 40):  # anew after a restart
+        for tick in range(begins, begins + 5):
+            newest.send(tick)
+        newest.all_arrived()
+        reading = newest.read()
+        assert (reading.snapshot.tick, reading.overtaken) == (begins + 4, ())
+        newest.assembler.restart()
+
+
 @pytest.mark.parametrize("lost", TICK_SENSORS)
 @pytest.mark.parametrize("in_order", [True, False])
 def test_a_lost_message_is_replaced_by_the_one_before(

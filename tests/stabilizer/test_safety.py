@@ -292,6 +292,23 @@ def test_feet_without_load_for_a_second_are_a_fall(
     assert end is (EndReason.FELL if fell else EndReason.NONE)
 
 
+@pytest.mark.parametrize("missed", [(1, 2, 5, 6, 7), (3, 4)])
+def test_a_turning_robot_may_lose_ticks(walker: Robot, missed: tuple[int, ...]) -> None:
+    turned = []
+    for reading in standing_readings(walker, 1500):
+        angle, rate = 0.2 * math.sin(0.015 * reading.tick), 3.0
+        rate *= math.cos(0.015 * reading.tick)
+        turned.append(
+            replace(
+                reading,
+                quat_xyzw=np.array([math.sin(angle / 2), 0, 0, math.cos(angle / 2)]),
+                angular_velocity=np.array([rate, 0.0, 0.0]),
+            )
+        )
+    heard = [reading for reading in turned if reading.tick % 10 not in missed]
+    assert answer(walker, heard).state is ACTIVE
+
+
 # Asked to stop ---------------------------------------------------------------------
 
 

@@ -45,7 +45,7 @@ def follow(
         assert solution.ok
         assert solution.residuals().worst < KKT
         joints = robot.q[N_BASE_V + 1 :] if q_measured is None else q_measured
-        robot.integrate(solution.x, joints.copy(), fade=1.0)
+        robot.integrate(solution.x, joints.copy(), ticks=1.0)
 
 
 def test_nothing_asked_nothing_moves(robot: CommandedRobot, model: RobotModel) -> None:
@@ -122,6 +122,6 @@ def test_base_turns_to_its_wanted_orientation(
             R_base=desired,
             posture=model.nominal,
         )
-        robot.integrate(solution.x, robot.q[7:].copy(), fade=1.0)
+        robot.integrate(solution.x, robot.q[7:].copy(), ticks=1.0)
     R = pin.Quaternion(robot.q[3:7]).toRotationMatrix()
     assert np.linalg.norm(pin.log3(R.T @ desired)) < 0.01
