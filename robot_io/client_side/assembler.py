@@ -162,9 +162,10 @@ class SnapshotAssembler:
             for sensor in self._sensors:
                 sensor.reach(tick)
             last, self._tick = self._tick, tick
+            overtaken = self._overtaken(last)
             messages = [s.latest for s in self._sensors if s.latest is not None]
             if len(messages) == len(self._sensors):
-                return self._join(tick, messages, self._overtaken(last))
+                return self._join(tick, messages, overtaken)
 
     def missing(self) -> tuple[str, ...]:
         """Return the channels without any message so far."""

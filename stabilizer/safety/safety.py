@@ -177,7 +177,7 @@ class Safety:
         if self._virtual is not None:
             snapshot = self._virtual.infer(snapshot)
         believed = self._health.check(snapshot, FRESH, moves=self._moves)
-        if self._health.all_believed:
+        if not any(self._health.lost[index] for index in REQUIRED):
             takes_in.pass_over(believed)
 
     def _believed(self, snapshot: Snapshot, ages: Ages) -> Snapshot:
