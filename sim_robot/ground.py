@@ -32,10 +32,10 @@ AXES: tuple[Axis, ...] = ("x", "y", "z", "yaw", "pitch", "roll")
 HALF_THICKNESS_M = 0.03
 
 SHARED_HALF_SIZE_M = (0.40, 0.45)
-"""Half length (x) and half width (y) of a platform under both feet [m]."""
+"""Half length (x) and half width (y) of a moving platform under both feet [m]."""
 
 WALKED_HALF_SIZE_M = 12.0
-"""Least half length and half width where the robot walks [m]."""
+"""Least half length and half width of still ground, and where the robot walks [m]."""
 BEYOND_WALK_M = 2.0
 """Distance by which ground extends beyond a walk [m]."""
 
@@ -119,10 +119,10 @@ def plan_platforms(scenario: Scenario, start: Stance) -> tuple[PlatformPlan, ...
     """
     left, right = start.soles_in_world
     soles = {"left": left, "right": right, "both": 0.5 * (left + right)}
-    shared = SHARED_HALF_SIZE_M
-    if scenario.walk is not None:
-        far = scenario.walk.reach_m(scenario.duration_s) + BEYOND_WALK_M
-        shared = (max(WALKED_HALF_SIZE_M, far),) * 2
+    shared, walk = SHARED_HALF_SIZE_M, scenario.walk
+    if walk is not None or not scenario.platform:
+        reach = walk.reach_m(scenario.duration_s) if walk is not None else 0.0
+        shared = (max(WALKED_HALF_SIZE_M, reach + BEYOND_WALK_M),) * 2
     plans = []
     for at, platform in enumerate(scenario.platform):
         placed = [

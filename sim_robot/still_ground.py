@@ -41,6 +41,11 @@ CORNERS = 4
 """Number of contact points of a sole that lies flat."""
 
 
+_SEEN_M = 2.0
+"""Size of what is looked at, however far the ground reaches: shadows are as sharp as
+this is small [m]."""
+
+
 def add_scenery(spec: mujoco.MjSpec, platforms: tuple[PlatformPlan, ...]) -> None:
     """Add lights, a sky, a floor that nothing touches, and mats on the platforms."""
     _add_sky_and_floor(spec)
@@ -54,6 +59,7 @@ def add_scenery(spec: mujoco.MjSpec, platforms: tuple[PlatformPlan, ...]) -> Non
     spec.visual.map.haze = 0.25
     spec.visual.rgba.haze = [0.93, 0.95, 0.97, 1.0]
     spec.visual.map.shadowclip = 1.6
+    spec.stat.extent = _SEEN_M
 
 
 def _add_sky_and_floor(spec: mujoco.MjSpec) -> None:
@@ -94,7 +100,7 @@ def _add_mat(spec: mujoco.MjSpec, plan: PlatformPlan) -> None:
     """Add a lighter top face inside the platform's rim, to show its attitude."""
     size = plan.half_size - _MAT_RIM_M
     size[2] = _MAT_HALF_THICKNESS_M
-    spec.body(plan.name).add_geom(
+    mat = spec.body(plan.name).add_geom(
         type=mujoco.mjtGeom.mjGEOM_BOX,
         size=size,
         pos=plan.box_centre * [1.0, 1.0, 0.0],
@@ -104,6 +110,9 @@ def _add_mat(spec: mujoco.MjSpec, plan: PlatformPlan) -> None:
         group=1,
         rgba=[0.66, 0.70, 0.75, 1.0],
     )
+    if plan.half_size[:2].min() > _SEEN_M:  # squares show that the robot walks
+        mat.material = "floor"
+        mat.rgba = [0.5, 0.5, 0.5, 1.0]  # MuJoCo's own: the material's colour counts
 
 
 def _add_lights(spec: mujoco.MjSpec) -> None:
