@@ -59,7 +59,6 @@ def add_scenery(spec: mujoco.MjSpec, platforms: tuple[PlatformPlan, ...]) -> Non
     spec.visual.map.haze = 0.25
     spec.visual.rgba.haze = [0.93, 0.95, 0.97, 1.0]
     spec.visual.map.shadowclip = 1.6
-    spec.stat.extent = _SEEN_M
 
 
 def _add_sky_and_floor(spec: mujoco.MjSpec) -> None:
@@ -111,6 +110,7 @@ def _add_mat(spec: mujoco.MjSpec, plan: PlatformPlan) -> None:
         rgba=[0.66, 0.70, 0.75, 1.0],
     )
     if plan.half_size[:2].min() > _SEEN_M:  # squares show that the robot walks
+        spec.stat.extent = _SEEN_M
         mat.material = "floor"
         mat.rgba = [0.5, 0.5, 0.5, 1.0]  # MuJoCo's own: the material's colour counts
 
