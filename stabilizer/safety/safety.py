@@ -36,6 +36,12 @@ from surefoot.stabilizer.safety.health import (
     up_in_unit,
 )
 
+MISSED_MEMORY_S = 0.5
+"""Time over which missed ticks are counted [s]."""
+MOST_MISSED = 0.25
+"""Missed ticks for each answer up to which they are taken in. A machine that misses
+more needs all of its time for answers."""
+
 
 @runtime_checkable
 class Degradable(Protocol):
@@ -99,6 +105,7 @@ class Safety:
         self._bridge_ticks = round(settings.bridge_s / robot.period_s)
         self._unanswered = 0
         self._tick = 0
+        self._missed, self._missed_blend = 0.0, robot.period_s / MISSED_MEMORY_S
         self._takes_in = controller if isinstance(controller, PassesOver) else None
         self._is_number = np.empty(robot.n_a, dtype=bool)
         self._fade = 0
@@ -166,13 +173,16 @@ class Safety:
         """Take in a tick that gets no answer; none from before the start.
 
         The robot keeps its command. Readings are judged; what follows from a lost
-        sensor waits for the next answer.
+        sensor waits for the next answer. While more than :data:`MOST_MISSED` are
+        missed, they are lost.
 
         Args:
             snapshot: reading of all sensors of that tick.
         """
         takes_in = self._takes_in
         if takes_in is None or snapshot.tick <= self._tick or self._gives_up():
+            return
+        if self._missed > MOST_MISSED:
             return
         if self._virtual is not None:
             snapshot = self._virtual.infer(snapshot)
@@ -196,9 +206,10 @@ class Safety:
         if not self._health.all_believed or is_degraded:
             self._react_to_losses()
         # This reading also stands for the ticks before it without an answer.
-        ticks = min(snapshot.tick - self._tick, self._bridge_ticks)
+        ticks = snapshot.tick - self._tick
         self._tick = snapshot.tick
-        for _ in range(max(1, ticks)):
+        self._missed += self._missed_blend * (max(0, ticks - 1) - self._missed)
+        for _ in range(max(1, min(ticks, self._bridge_ticks))):
             self._turns.update(believed)
         if self._turns.are_apart:
             self.losses.setdefault("imu", SensorTrouble.INCONSISTENT)
