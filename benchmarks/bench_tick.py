@@ -23,7 +23,7 @@ from surefoot.robot_io.snapshot import Snapshot, sensor_messages
 from surefoot.schemas import codec, messages
 from surefoot.schemas.settings import ControllerSettings
 from surefoot.simulation import Simulation
-from surefoot.stabilizer.control.whole_body import WholeBodyController
+from surefoot.stabilizer.whole_body.controller import WholeBodyController
 
 WARM_UP_TICKS = 500
 US_PER_NS = 1e-3

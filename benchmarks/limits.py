@@ -24,11 +24,12 @@ import numpy as np
 from surefoot.robot_io.robot import Robot, load_robot
 from surefoot.schemas.arrays import Array
 from surefoot.schemas.settings import build_settings
-from surefoot.stabilizer.control.whole_body import WholeBodyController
 from surefoot.stabilizer.dynamics import SOLE_ROWS
 from surefoot.stabilizer.model import N_BASE_V
-from surefoot.studies.cell import Cell, Group, Row, Task, is_up
+from surefoot.stabilizer.whole_body.controller import WholeBodyController
+from surefoot.studies.cell import Cell, Group, Row, is_up
 from surefoot.studies.paper_page import record
+from surefoot.studies.store import Task
 
 BANDWIDTHS_RAD_S = (0.2, 0.3, 0.4, 0.55, 0.8, 1.2)
 NOISE = "sensors.accel_noise_m_s2"

@@ -16,14 +16,14 @@ from typing import ClassVar
 
 import msgspec
 
+from surefoot.presentation import markdown
 from surefoot.run_plan import RunPlan
 from surefoot.runs import run_inline
 from surefoot.schemas.scenario import Scenario
 from surefoot.studies.cell import Row, figures_of, is_up, plan_in
 from surefoot.studies.execute import execute
 from surefoot.studies.store import StudyStore
-from surefoot.studies.study import success_interval
-from surefoot.studies.tables import markdown
+from surefoot.studies.summaries import success_interval
 
 
 @dataclass(frozen=True)

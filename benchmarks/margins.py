@@ -28,8 +28,8 @@ from surefoot.schemas.scenario import Scenario
 from surefoot.schemas.scenario_robot import Delay, Sensors
 from surefoot.schemas.settings import ControllerSettings, build_settings
 from surefoot.simulation import Simulation
-from surefoot.stabilizer.control.whole_body import WholeBodyController
 from surefoot.stabilizer.margins.margins import compute_margins
+from surefoot.stabilizer.whole_body.controller import WholeBodyController
 
 DURATION_S = 3.0
 SEEN_S = 1.0

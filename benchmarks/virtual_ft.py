@@ -24,10 +24,10 @@ from joblib import Parallel, delayed
 
 import surefoot as sf
 from benchmarks.humanoids import HUMANOIDS
+from surefoot.presentation import markdown
 from surefoot.robot_files.scenario_fit import scale_to_robot
 from surefoot.robot_io.robot import Robot
 from surefoot.schemas.robot_file import VirtualForceTorque
-from surefoot.studies.tables import markdown
 
 SCENARIOS = ("standing", "moving-platform-slow", "moving-platform-fast")
 SETTLED_S = 1.0

@@ -28,7 +28,7 @@ from surefoot.schemas.scenario import Platform, Scenario, Tile
 from surefoot.schemas.scenario_robot import Delay, ModelError
 from surefoot.schemas.walk_plan import Walk, WalkStep
 from surefoot.studies.cell import Row, is_up
-from surefoot.studies.study import success_interval
+from surefoot.studies.summaries import success_interval
 
 if TYPE_CHECKING:
     from matplotlib.projections.polar import PolarAxes

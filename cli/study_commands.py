@@ -77,7 +77,7 @@ def sweep(
     from surefoot.cli.console import count_bar, print_json, print_table
     from surefoot.cli.summary import study_tables
     from surefoot.studies.study import make_cells, run_study
-    from surefoot.studies.tables import summary_rows
+    from surefoot.studies.summaries import summary_rows
 
     cells = make_cells(
         scenarios,
@@ -197,7 +197,7 @@ def reproduce(
         write_report,
     )
     from surefoot.studies.store import StudyStore
-    from surefoot.studies.study import summarise
+    from surefoot.studies.summaries import summarise
 
     cells = cells_of(extent(quick=quick, seeds=seeds))
     with StudyStore(out, about={"study": "reproduce"}) as store:

@@ -29,7 +29,7 @@ if TYPE_CHECKING:
     from surefoot.playback.recompute import Difference, ReplayOutcome
     from surefoot.recording.read import ChannelCount
     from surefoot.schemas.scenario import Scenario
-    from surefoot.studies.study import Summaries
+    from surefoot.studies.summaries import Summaries
 
 _PASSAGE = ("arrived", "left")
 """Counts of a relay that are no faults."""
@@ -122,7 +122,7 @@ def relay_table(result: RelayResult) -> Table:
 
 def study_tables(summaries: Summaries) -> RenderableGroup:
     """Return one table per case."""
-    from surefoot.studies.tables import cells_of
+    from surefoot.studies.summaries import cells_of
 
     tables: dict[str, Table] = {}
     for group, summary in summaries.items():

@@ -16,9 +16,9 @@ import surefoot as sf
 from surefoot.schemas.arrays import Array, Mat
 from surefoot.stabilizer.control.reference import Stance
 from surefoot.stabilizer.control.tasks import Task
-from surefoot.stabilizer.control.whole_body import WholeBodyController
 from surefoot.stabilizer.dynamics import Dynamics
 from surefoot.stabilizer.model import RobotModel
+from surefoot.stabilizer.whole_body.controller import WholeBodyController
 
 FORWARD_UP_M = np.array([0.15, 0.0, 0.10])
 

@@ -1,6 +1,8 @@
-"""Converts between MuJoCo's conventions and ours: quaternions, time in whole steps."""
+"""Conventions of the simulation: MuJoCo's quaternions, whole steps, laws of motion."""
 
 from __future__ import annotations
+
+from collections.abc import Callable
 
 import numpy as np
 
@@ -14,6 +16,8 @@ SIM_STEP_S = 0.001
 FASTEST_HZ = 0.5 / SIM_STEP_S
 """Half the simulation's rate [Hz]; it does not show anything faster."""
 TOLERANCE_TICKS = 1e-6
+MotionLaw = Callable[[float], tuple[float, float]]
+"""Maps time [s] to position and velocity in SI; at rest at zero until it starts."""
 
 
 def xyzw(quat_wxyz: Array) -> Array:

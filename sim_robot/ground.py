@@ -8,23 +8,19 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import mujoco
 import numpy as np
 
 from surefoot.robot_io.robot import Robot
 from surefoot.schemas.arrays import Array, Vec3
-from surefoot.schemas.messages import GroundBlock
 from surefoot.schemas.motions import Axis, Motion
 from surefoot.schemas.scenario import Scenario
-from surefoot.sim_robot.conventions import SIM_STEP_S
+from surefoot.sim_robot.conventions import SIM_STEP_S, MotionLaw
 from surefoot.sim_robot.errors import within
-from surefoot.sim_robot.motion import MotionLaw, motion_law
+from surefoot.sim_robot.motion import motion_law
 from surefoot.sim_robot.robot_spec import Stance
-
-if TYPE_CHECKING:
-    from surefoot.sim_robot.world import World
 
 AXES: tuple[Axis, ...] = ("x", "y", "z", "yaw", "pitch", "roll")
 """Order of a platform's joints: R_world_platform = Rz(yaw) Ry(pitch) Rx(roll)."""
@@ -55,10 +51,6 @@ CONTACT_IMPEDANCE = (0.95, 0.99, 0.001, 0.5, 2.0)
 
 PLATFORM_INERTIA = 1e6
 """Rotor inertia of platform joints [kg or kg m^2]: too large for the robot to move."""
-
-STILL = -1
-"""Platform index of ground that stands still."""
-UNTURNED_WXYZ = (1.0, 0.0, 0.0, 0.0)
 
 _SLIDE, _HINGE = mujoco.mjtJoint.mjJNT_SLIDE, mujoco.mjtJoint.mjJNT_HINGE
 
@@ -247,39 +239,6 @@ def let_soles_touch(
         pair.solimp[:] = CONTACT_IMPEDANCE
 
 
-def ground_blocks(world: World) -> list[GroundBlock]:
-    """Return all blocks of the ground, platforms first."""
-    blocks = []
-    index = 0
-    for plan in world.platforms:
-        top = plan.box_centre + np.array([0.0, 0.0, plan.half_size[2]])
-        if not plan.in_scenario:
-            top = top + plan.top_centre
-        carrier = index if plan.in_scenario else STILL
-        blocks.append(_block(top, plan.quat_wxyz, 2.0 * plan.half_size, carrier))
-        index += plan.in_scenario
-    for ground in world.still:
-        if ground.tip_rad > 0.0:  # a seesaw carries itself
-            blocks.append(_block(np.zeros(3), UNTURNED_WXYZ, ground.size, index))
-            index += 1
-        else:
-            place, turn = ground.top_centre, ground.quat_wxyz
-            blocks.append(_block(place, turn, ground.size, STILL))
-    return blocks
-
-
-def _block(
-    position: Vec3, quat_wxyz: Sequence[float], size: Vec3, platform: int
-) -> GroundBlock:
-    w, x, y, z = quat_wxyz
-    return GroundBlock(
-        position=position.tolist(),
-        quat_xyzw=[x, y, z, w],
-        size=size.tolist(),
-        platform=platform,
-    )
-
-
 class Ground:
     """The moving ground of a world.
 
@@ -290,19 +249,26 @@ class Ground:
     top centre.
     """
 
-    def __init__(self, world: World, data: mujoco.MjData) -> None:
+    def __init__(
+        self, platforms: Sequence[PlatformPlan], data: mujoco.MjData, *, after: int
+    ) -> None:
         """Take over the platform joints of ``data``, at rest at zero.
+
+        Args:
+            platforms: of the world of ``data``.
+            data: their state is changed in place.
+            after: number of the world's degrees of freedom that come after theirs.
 
         Raises:
             ScenarioError: a motion cannot be done.
         """
         self._laws: list[tuple[MotionLaw, ...]] = [
             tuple(_law(placed) for placed in motions)
-            for platform in world.platforms
+            for platform in platforms
             for motions in platform.motions.values()
         ]
         count = len(self._laws)
-        first = world.model.nv - len(world.seesaws) - count
+        first = len(data.qvel) - after - count
         self._qpos = data.qpos[first + 1 : first + 1 + count]
         self._qvel = data.qvel[first : first + count]
         self._force = data.qfrc_applied[first : first + count]

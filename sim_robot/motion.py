@@ -1,5 +1,7 @@
 """Laws of the ground's motion along one axis: position and its exact derivative.
 
+The laws of each kind take the time since the motion's start.
+
 The ternary sequence is the stimulus of Peterka (2002, J. Neurophysiol. 88) as the
 COMTEST protocol of EUROBENCH uses it (Lippi et al., arXiv 2104.11935).
 """
@@ -7,7 +9,6 @@ COMTEST protocol of EUROBENCH uses it (Lippi et al., arXiv 2104.11935).
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 
 import numpy as np
 
@@ -21,13 +22,10 @@ from surefoot.schemas.motions import (
     SineMotion,
     SpectrumMotion,
 )
-from surefoot.sim_robot.conventions import FASTEST_HZ
+from surefoot.sim_robot.conventions import FASTEST_HZ, MotionLaw
 from surefoot.sim_robot.errors import ScenarioError
 from surefoot.sim_robot.recorded import recorded_law
 
-MotionLaw = Callable[[float], tuple[float, float]]
-"""Maps time [s] to (position, velocity) in SI; at rest at zero until the motion starts.
-The laws below take the time since the start."""
 STATES = 80
 """Number of states in a cycle: 3 ** 4 - 1."""
 COMPONENTS = 256

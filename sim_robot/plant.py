@@ -141,7 +141,9 @@ class Plant:
             self._model,
             renew=partial(renew, world=self.world, robot=robot),
         )
-        self._ground = Ground(self.world, self.data)
+        self._ground = Ground(
+            self.world.platforms, self.data, after=len(self.world.seesaws)
+        )
         self._sensors = SensorSuite(
             self.world,
             self.data,

@@ -17,9 +17,9 @@ from surefoot.schemas.motions import RampMotion, SineMotion
 from surefoot.schemas.scenario import Push
 from surefoot.schemas.scenario_robot import DisplacementRod, ForceRod, Rod, StrikeRod
 from surefoot.schemas.validation import nearest
-from surefoot.sim_robot.conventions import SIM_STEP_S
+from surefoot.sim_robot.conventions import SIM_STEP_S, MotionLaw
 from surefoot.sim_robot.errors import ScenarioError, within
-from surefoot.sim_robot.motion import MotionLaw, motion_law
+from surefoot.sim_robot.motion import motion_law
 from surefoot.sim_robot.world import World
 
 MAX_FORCE_N = 2000.0

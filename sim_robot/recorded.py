@@ -7,7 +7,6 @@ import math
 from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -15,12 +14,9 @@ from surefoot.schemas.arrays import Array
 from surefoot.schemas.motions import Quantity, RecordedMotion
 from surefoot.schemas.result import RecordedGround
 from surefoot.schemas.scenario import Scenario
-from surefoot.sim_robot.conventions import FASTEST_HZ, SIM_STEP_S
+from surefoot.sim_robot.conventions import FASTEST_HZ, SIM_STEP_S, MotionLaw
 from surefoot.sim_robot.errors import ScenarioError, within
 from surefoot.sim_robot.ground_records import GroundRecord, read_record
-
-if TYPE_CHECKING:
-    from surefoot.sim_robot.motion import MotionLaw
 
 LARGEST = 1000.0
 """Largest value [m or rad, or these per s or s^2]: no robot stands on ground beyond."""

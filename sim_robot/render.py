@@ -85,7 +85,9 @@ class Renderer:
         self._world = build_world(robot, scenario, scenery=True)
         model = self._world.model
         self._data = mujoco.MjData(model)
-        self._ground = Ground(self._world, self._data)
+        self._ground = Ground(
+            self._world.platforms, self._data, after=len(self._world.seesaws)
+        )
         if quick:
             model.vis.quality.shadowsize = _QUICK_SHADOW_PIXELS
             model.vis.quality.offsamples = _QUICK_SAMPLES

@@ -25,9 +25,8 @@ from surefoot.schemas.messages import RobotMode
 from surefoot.schemas.reasons import ModeCause
 from surefoot.schemas.result import Histogram, PlantResult
 from surefoot.schemas.scenario import Scenario
-from surefoot.sim_robot.ground import ground_blocks
 from surefoot.sim_robot.simulated_robot import SimulatedRobot
-from surefoot.sim_robot.state_view import truth_message
+from surefoot.sim_robot.state_view import ground_blocks, truth_message
 
 DEADLINE_S = 5.0
 """Longest wait for an answer in lockstep [s]."""

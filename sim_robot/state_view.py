@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import mujoco
@@ -16,6 +17,9 @@ from surefoot.sim_robot.world import World
 
 _LEFT = SENSOR_SOLES.start
 _RIGHT = SENSOR_SOLES.start + 6
+STILL = -1
+"""Platform index of ground that stands still."""
+_UNTURNED_WXYZ = (1.0, 0.0, 0.0, 0.0)
 NORMAL = 2
 """Index of the force along the sole's normal in a wrench."""
 
@@ -168,6 +172,39 @@ class PlantTruth:
     def normal_forces(self) -> tuple[float, float]:
         """Forces of the ground on left and right sole, along the sole's z axis [N]."""
         return float(self.F_left[2]), float(self.F_right[2])
+
+
+def ground_blocks(world: World) -> list[GroundBlock]:
+    """Return all blocks of the ground, platforms first."""
+    blocks = []
+    index = 0
+    for plan in world.platforms:
+        top = plan.box_centre + np.array([0.0, 0.0, plan.half_size[2]])
+        if not plan.in_scenario:
+            top = top + plan.top_centre
+        carrier = index if plan.in_scenario else STILL
+        blocks.append(_block(top, plan.quat_wxyz, 2.0 * plan.half_size, carrier))
+        index += plan.in_scenario
+    for ground in world.still:
+        if ground.tip_rad > 0.0:  # a seesaw carries itself
+            blocks.append(_block(np.zeros(3), _UNTURNED_WXYZ, ground.size, index))
+            index += 1
+        else:
+            place, turn = ground.top_centre, ground.quat_wxyz
+            blocks.append(_block(place, turn, ground.size, STILL))
+    return blocks
+
+
+def _block(
+    position: Vec3, quat_wxyz: Sequence[float], size: Vec3, platform: int
+) -> GroundBlock:
+    w, x, y, z = quat_wxyz
+    return GroundBlock(
+        position=position.tolist(),
+        quat_xyzw=[x, y, z, w],
+        size=size.tolist(),
+        platform=platform,
+    )
 
 
 def truth_message(

@@ -24,7 +24,7 @@ from surefoot.schemas.settings import (
     setting_names,
 )
 from surefoot.schemas.validation import nearest
-from surefoot.stabilizer.control.controller import Controller, ForeignController
+from surefoot.stabilizer.controller import Controller, ForeignController
 from surefoot.stabilizer.errors import ControllerError
 
 CONTROLLERS = ("whole-body", "zmp", "hold")
@@ -282,14 +282,14 @@ def adapt(controller: Any, robot: Robot, *, name: str | None = None) -> Controll
 def _shipped(name: str) -> ControllerMaker:
     """Import a shipped controller on demand: Pinocchio takes a while to load."""
     if name == "whole-body":
-        from surefoot.stabilizer.control.whole_body import WholeBodyController
+        from surefoot.stabilizer.whole_body.controller import WholeBodyController
 
         return WholeBodyController
     if name == "zmp":
         from surefoot.stabilizer.zmp.controller import ZmpController
 
         return ZmpController
-    from surefoot.stabilizer.control.controller import HoldController
+    from surefoot.stabilizer.controller import HoldController
 
     return lambda robot, settings: HoldController(robot.n_a)
 

@@ -23,7 +23,7 @@ from surefoot.robot_io.robot import Robot
 from surefoot.robot_io.snapshot import Snapshot
 from surefoot.schemas.arrays import Array
 from surefoot.schemas.messages import Reference
-from surefoot.stabilizer.control.controller import ControllerOutput
+from surefoot.stabilizer.controller import ControllerOutput
 from surefoot.stabilizer.qp import QpData
 
 REST_S, SMALL_S, LARGE_S, SLOW_S = 0.2, 0.2, 0.25, 0.8

@@ -24,8 +24,8 @@ from surefoot.schemas.reasons import (
     plain,
 )
 from surefoot.schemas.walk_plan import WalkPlan
-from surefoot.stabilizer.control.controller import ControllerOutput, Walks
 from surefoot.stabilizer.control.reference import ReferenceLimits
+from surefoot.stabilizer.controller import ControllerOutput, Walks
 from surefoot.stabilizer.qp import save_failure
 from surefoot.stabilizer.requests import RequestHandler
 from surefoot.stabilizer.safety.safety import Safety

@@ -25,8 +25,8 @@ from surefoot.schemas.reasons import EndReason, RequestRefusal, in_words
 from surefoot.schemas.result import ControllerResult
 from surefoot.schemas.settings import ControllerSettings
 from surefoot.schemas.walk_plan import WalkPlan
-from surefoot.stabilizer.control.controller import Controller, ControllerFactory
 from surefoot.stabilizer.control.reference import ReferenceLimits
+from surefoot.stabilizer.controller import Controller, ControllerFactory
 from surefoot.stabilizer.loop import End, Loop
 from surefoot.stabilizer.model import RobotModel
 from surefoot.stabilizer.requests import RequestHandler

@@ -26,7 +26,7 @@ from surefoot.schemas.reasons import RequestRefusal
 from surefoot.schemas.settings import ControllerSettings, setting_of
 from surefoot.schemas.toml_file import convert
 from surefoot.schemas.validation import nearest
-from surefoot.stabilizer.control.controller import Controller, Tunable
+from surefoot.stabilizer.controller import Controller, Tunable
 
 RAMP_S = 0.5
 """Length of a ramp: a jump of a gain would make the acceleration jump [s]."""

@@ -15,7 +15,7 @@ from surefoot.schemas.messages import SCHEMA_VERSION, StabilizerStatus
 from surefoot.schemas.reasons import EndReason, SensorTrouble, StabilizerState
 from surefoot.schemas.result import NO_TIME, ControllerResult
 from surefoot.schemas.signals import MISSING, QP_WORDS, WALK_SIGNALS, lay_out
-from surefoot.stabilizer.control.controller import ControllerOutput
+from surefoot.stabilizer.controller import ControllerOutput
 from surefoot.stabilizer.walking.feet import FootState, WalkState
 from surefoot.stabilizer.walking.gait import Phase
 

@@ -48,7 +48,7 @@ _HOMES = {
     "schemas.settings": ("ControllerSettings",),
     "sim_robot.catalogue": ("list_scenarios", "load_scenario"),
     "sim_robot.errors": ("ScenarioError",),
-    "stabilizer.control.controller": ("Controller", "ControllerOutput"),
+    "stabilizer.controller": ("Controller", "ControllerOutput"),
     "stabilizer.errors": ("ControllerError",),
     "errors": (
         *("SurefootError", "UsageError", "EnvironmentFailedError"),
@@ -149,8 +149,8 @@ if TYPE_CHECKING:
     from surefoot.sim_robot.catalogue import load_scenario as load_scenario
     from surefoot.sim_robot.errors import ScenarioError as ScenarioError
     from surefoot.simulation import Simulation as Simulation
-    from surefoot.stabilizer.control.controller import Controller as Controller
-    from surefoot.stabilizer.control.controller import (
+    from surefoot.stabilizer.controller import Controller as Controller
+    from surefoot.stabilizer.controller import (
         ControllerOutput as ControllerOutput,
     )
     from surefoot.stabilizer.errors import ControllerError as ControllerError

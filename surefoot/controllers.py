@@ -20,7 +20,7 @@ from surefoot.schemas.motions import Motion
 from surefoot.schemas.scenario import Push, Scenario, SensorFault
 from surefoot.schemas.scenario_robot import Delay, Payload, Rod
 from surefoot.stabilizer import factory
-from surefoot.stabilizer.control.controller import Controller
+from surefoot.stabilizer.controller import Controller
 
 if TYPE_CHECKING:
     from surefoot.stabilizer.margins.margins import LoopMargins

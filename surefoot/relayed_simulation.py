@@ -31,7 +31,7 @@ from surefoot.schemas.sensors import SENSORS
 from surefoot.schemas.topics import COMMAND, TICK_SENSORS
 from surefoot.signals import TickSinks
 from surefoot.simulation import COMMANDER, Simulation, command_of
-from surefoot.stabilizer.control.controller import ControllerOutput
+from surefoot.stabilizer.controller import ControllerOutput
 
 LOOK_EVERY_TICKS = 20
 """The stabilizer looks at the robot's status, and gets it, every 20 ticks."""

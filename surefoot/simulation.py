@@ -34,7 +34,7 @@ from surefoot.signals import Signals, TickSinks, memory_sinks
 from surefoot.sim_robot.catalogue import naming_scenario
 from surefoot.sim_robot.simulated_robot import SimulatedRobot
 from surefoot.sim_robot.state_view import PlantTruth
-from surefoot.stabilizer.control.controller import ControllerOutput, Walks
+from surefoot.stabilizer.controller import ControllerOutput, Walks
 from surefoot.stabilizer.factory import adapt
 from surefoot.stabilizer.loop import told_end
 from surefoot.stabilizer.qp import save_failure

@@ -9,8 +9,8 @@ from typing import Any
 import msgspec
 import msgspec.inspect as inspect
 
+from surefoot.presentation import markdown, split_unit
 from surefoot.schemas.json_schema import field_docs
-from surefoot.studies.tables import markdown, split_unit
 
 _UNIT = re.compile(r"\s*\[([^\]]+)\]")
 _NBSP = "\N{NO-BREAK SPACE}"

@@ -1,1 +1,1 @@
-"""The whole-body controller: tasks, first QP (TSID), wrench law, second QP (DIK)."""
+"""Reference, tasks, first QP (TSID), wrench law, second QP (DIK)."""

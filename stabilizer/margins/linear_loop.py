@@ -31,9 +31,9 @@ import pinocchio as pin
 from surefoot.robot_io.robot import Robot
 from surefoot.schemas.arrays import Array, Mat
 from surefoot.schemas.settings import ControllerSettings
-from surefoot.stabilizer.control.whole_body import WholeBodyController
 from surefoot.stabilizer.dynamics import SOLE_ROWS, Dynamics
 from surefoot.stabilizer.model import N_BASE_V, RobotModel
+from surefoot.stabilizer.whole_body.controller import WholeBodyController
 
 STEP_S = 0.001
 """Longest step of servos and contacts [s]."""

@@ -19,7 +19,7 @@ from surefoot.schemas.messages import Reference
 from surefoot.schemas.reasons import EndReason, SensorTrouble, StabilizerState
 from surefoot.schemas.sensors import SENSORS
 from surefoot.schemas.settings import SafetySettings
-from surefoot.stabilizer.control.controller import (
+from surefoot.stabilizer.controller import (
     Controller,
     ControllerOutput,
     PassesOver,

@@ -16,7 +16,7 @@ from surefoot.robot_io.robot import Robot
 from surefoot.schemas.arrays import Array, Mat, Vec3
 from surefoot.schemas.settings import ControllerSettings
 from surefoot.schemas.walk_plan import WalkPlan
-from surefoot.stabilizer.control.controller import BalanceController, ControllerOutput
+from surefoot.stabilizer.controller import BalanceController, ControllerOutput
 from surefoot.stabilizer.errors import QpStatus
 from surefoot.stabilizer.estimation.observer import (
     ObservedState,

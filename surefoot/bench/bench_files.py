@@ -14,8 +14,8 @@ from typing import Any, ClassVar, Generic, NamedTuple, Protocol, TypeVar
 
 from surefoot.bench.bench_runs import Subject, Under
 from surefoot.out_folder import write_json, write_whole
+from surefoot.presentation import markdown
 from surefoot.studies.paper_page import inline_svg, render
-from surefoot.studies.tables import markdown
 
 Number = float | int | None
 _LINES = ("-", "--", ":", "-.")

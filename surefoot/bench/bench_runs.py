@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import Any, NamedTuple, Protocol, TypeVar
 
 from surefoot.errors import UsageError
-from surefoot.progress import CountBar
+from surefoot.presentation import CountBar
 from surefoot.run_plan import RunPlan
 from surefoot.schemas.scenario import Scenario
 from surefoot.schemas.scenario_robot import Sensors

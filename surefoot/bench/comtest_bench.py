@@ -41,7 +41,7 @@ from surefoot.bench.sway_results import (
     write_sway_page,
 )
 from surefoot.errors import UsageError
-from surefoot.progress import CountBar, no_bar
+from surefoot.presentation import CountBar, no_bar
 
 _STEP = {
     "sway_peak": "largest sway over the step of the ground [deg/deg]",

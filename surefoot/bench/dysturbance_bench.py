@@ -43,7 +43,7 @@ from surefoot.bench.push_results import (
     write_push_page,
 )
 from surefoot.errors import UsageError
-from surefoot.progress import CountBar, no_bar
+from surefoot.presentation import CountBar, no_bar
 from surefoot.studies.cell import Row, is_up
 
 DIRECTIONS_DEG = (0.0, 180.0, 90.0)

@@ -25,9 +25,9 @@ from surefoot.bench.push_cells import (
     PushKind,
     fit_impedance,
 )
+from surefoot.presentation import canvas, svg_of, write_out
 from surefoot.schemas.reasons import given
 from surefoot.studies.cell import Row
-from surefoot.studies.tables import canvas, svg_of, write_out
 
 _INTRO = (
     "A rod strikes the robot, swings it, or slowly leads it off; by a given way or by "

@@ -23,10 +23,10 @@ from surefoot.bench.sway_response import (
     frequency_response,
     human_sway,
 )
+from surefoot.presentation import canvas, svg_of
 from surefoot.schemas.arrays import Array
 from surefoot.schemas.reasons import NONE, given
 from surefoot.studies.cell import Row, is_up
-from surefoot.studies.tables import canvas, svg_of
 
 LEAST_PERCENTILE = 5
 _WHO = ("ground", "controller", "servo", "outcome")

@@ -24,7 +24,7 @@ from surefoot.schemas.messages import (
 from surefoot.schemas.reasons import ModeCause
 from surefoot.schemas.settings import ControllerSettings
 from surefoot.schemas.walk_plan import WalkPlan
-from surefoot.stabilizer.control.controller import Controller, Tunable, Walks
+from surefoot.stabilizer.controller import Controller, Tunable, Walks
 from surefoot.stabilizer.factory import make_controller
 from surefoot.stabilizer.requests import SettingsRamp
 from surefoot.stabilizer.safety.safety import Safety

@@ -13,18 +13,18 @@ from collections import deque
 from collections.abc import Callable, Iterable
 from itertools import islice
 from pathlib import Path
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING
 
 import msgspec
 
 from surefoot.errors import UsageError
 from surefoot.installation import this_machine
+from surefoot.recording.write import Attachment, McapFile
 from surefoot.robot_io.realtime import StopRequest, quiet_interpreter
 from surefoot.robot_io.robot import EXTENDS, Robot
 from surefoot.schemas.toml_file import read_toml
 
 if TYPE_CHECKING:
-    from surefoot.recording.write import McapFile
     from surefoot.robot_io.client_side.observer import Observer, Sample
 
 RING_DEPTH = 4096
@@ -134,14 +134,6 @@ def record_bus(
                 break
         while backlog.write():
             pass
-
-
-class Attachment(NamedTuple):
-    """A file that is stored in a record."""
-
-    name: str
-    media_type: str
-    data: bytes
 
 
 def attachments(robot: Robot, files: Iterable[Path]) -> list[Attachment]:

@@ -9,7 +9,7 @@ import shutil
 import tempfile
 from collections.abc import Iterable, Iterator
 from pathlib import Path
-from typing import BinaryIO, Self
+from typing import BinaryIO, NamedTuple, Self
 
 import msgspec
 from mcap.data_stream import RecordBuilder
@@ -20,7 +20,6 @@ from mcap.writer import CompressionType, Writer
 
 from surefoot.errors import UsageError
 from surefoot.out_folder import is_to_replace
-from surefoot.recording.contents import Attachment
 from surefoot.recording.mcap_records import BAD_CONTENT
 from surefoot.recording.read import LARGEST_GAP, count_message, new_count
 from surefoot.robot_io.client_side.observer import Sample
@@ -89,6 +88,14 @@ def claim_file(path: Path, *, overwrite: bool = False) -> BinaryIO:
         raise
     file.truncate(0)
     return file
+
+
+class Attachment(NamedTuple):
+    """A file that is stored in a record."""
+
+    name: str
+    media_type: str
+    data: bytes
 
 
 class LogTimes:

@@ -12,7 +12,7 @@ import msgspec
 
 from surefoot.controllers import MOST_TICKS, compute_margins, loop_delay_ms
 from surefoot.out_folder import OutFolder, write_json
-from surefoot.progress import CountBar, no_bar
+from surefoot.presentation import CountBar, no_bar
 from surefoot.report.curves import BUCKETS, curves, footsteps, steps_of
 from surefoot.report.panels import (
     RUN_COLOURS,

@@ -40,7 +40,7 @@ from surefoot.schemas.result import RunResult
 from surefoot.schemas.scenario import Scenario, load_scenario
 from surefoot.schemas.toml_file import read_toml
 from surefoot.signals import Signals, read_signals
-from surefoot.sim_robot.ground import ground_blocks
+from surefoot.sim_robot.state_view import ground_blocks
 
 MOST_RUNS = 6
 """Number of colours that can be told apart."""

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from surefoot.errors import EnvironmentFailedError
 from surefoot.installation import install_command
-from surefoot.progress import CountBar, no_bar
+from surefoot.presentation import CountBar, no_bar
 from surefoot.report.curves import STILL
 from surefoot.report.run_data import RunData
 from surefoot.schemas.arrays import Array

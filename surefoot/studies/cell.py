@@ -6,7 +6,6 @@ Studies, searches and the paper's evaluation are made of such runs.
 from __future__ import annotations
 
 import json
-import platform
 from collections.abc import Hashable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -317,40 +316,6 @@ def plan_in(
         seed=seed,
         mode="inline",
     )
-
-
-class Task(NamedTuple):
-    """A run with all its inputs, as it is sent to a worker process.
-
-    Attributes:
-        cell: the run.
-        robot: shipped name or path of a robot file.
-        overrides: settings, texts ``section.name=value``.
-        inputs: fingerprint of the inputs where the study was begun; None: any.
-    """
-
-    cell: Work
-    robot: str
-    overrides: tuple[str, ...] = ()
-    inputs: str | None = None
-
-    def run(self) -> Row:
-        """Run it and return its row: case and figures.
-
-        Raises:
-            UsageError: the inputs differ on this machine.
-        """
-        from surefoot.studies.store import inputs_fingerprint
-
-        plan = self.cell.plan(robot=self.robot, overrides=self.overrides)
-        here = inputs_fingerprint(plan)
-        if self.inputs not in (None, here):
-            raise UsageError(
-                f"{self.cell.case}: scenario, robot or settings on {platform.node()} "
-                "are not those that the study began with; a run with them would be "
-                "mixed in. Give this machine the same files, or begin another study"
-            )
-        return {"key": self.cell.key, "inputs": here, **self.cell.run(plan)}
 
 
 def group_of(row: Row) -> Group:

@@ -17,11 +17,12 @@ from typing import Any
 
 from surefoot.errors import EnvironmentFailedError, SurefootError, UsageError
 from surefoot.installation import install_command
-from surefoot.progress import CountBar, no_bar
+from surefoot.presentation import CountBar, no_bar
 from surefoot.stabilizer.factory import check_read
-from surefoot.studies.cell import Row, Task, Work
+from surefoot.studies.cell import Row, Work
 from surefoot.studies.store import (
     StudyStore,
+    Task,
     about_code,
     code_fingerprint,
     inputs_fingerprint,

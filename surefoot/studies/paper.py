@@ -6,8 +6,7 @@ from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 
 from surefoot.studies.cell import Cell, Group
-from surefoot.studies.study import GroupSummary, Summaries
-from surefoot.studies.tables import curves_over
+from surefoot.studies.summaries import GroupSummary, Summaries, curves_over
 
 WHOLE_BODY, PAPER, TUNED, STOCK = "whole-body", "paper", "zmp-tuned", "zmp-stock"
 IDEAL, SLOW = "ideal", "harmonic"

@@ -12,6 +12,7 @@ from typing import Any
 import msgspec
 
 from surefoot.out_folder import write_whole
+from surefoot.presentation import markdown, svg_of
 from surefoot.run_plan import settings_text
 from surefoot.schemas.arrays import Array
 from surefoot.studies.cell import VARIANTS, Cell, Group
@@ -27,15 +28,13 @@ from surefoot.studies.paper import (
     claims,
     goals,
 )
-from surefoot.studies.study import Summaries
-from surefoot.studies.tables import (
+from surefoot.studies.summaries import (
     COLUMNS,
+    Summaries,
     cells_of,
     curves_over,
     draw_curves,
-    markdown,
     markdown_table,
-    svg_of,
     write_csv,
 )
 

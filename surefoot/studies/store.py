@@ -16,7 +16,7 @@ from collections.abc import Iterable, Iterator
 from functools import cache
 from importlib.metadata import version
 from pathlib import Path
-from typing import Any, BinaryIO, Self
+from typing import Any, BinaryIO, NamedTuple, Self
 
 import msgspec
 
@@ -35,7 +35,7 @@ from surefoot.schemas.toml_file import atomic_file
 from surefoot.sim_robot.catalogue import naming_scenario
 from surefoot.sim_robot.recorded import recorded_ground, recorded_track
 from surefoot.stabilizer.factory import CONTROLLERS, find_target
-from surefoot.studies.cell import FIGURES, Row, Task
+from surefoot.studies.cell import FIGURES, Row, Work
 
 ROOT = "surefoot.simulation"
 """The module that runs one plan."""
@@ -163,6 +163,38 @@ def inputs_fingerprint(plan: RunPlan) -> str:
         source = inspect.getsourcefile(find_target(plan.controller))
         digest.update(b"" if source is None else Path(source).read_bytes())
     return digest.hexdigest()
+
+
+class Task(NamedTuple):
+    """A run with all its inputs, as it is sent to a worker process.
+
+    Attributes:
+        cell: the run.
+        robot: shipped name or path of a robot file.
+        overrides: settings, texts ``section.name=value``.
+        inputs: fingerprint of the inputs where the study was begun; None: any.
+    """
+
+    cell: Work
+    robot: str
+    overrides: tuple[str, ...] = ()
+    inputs: str | None = None
+
+    def run(self) -> Row:
+        """Run it and return its row: case and figures.
+
+        Raises:
+            UsageError: the inputs differ on this machine.
+        """
+        plan = self.cell.plan(robot=self.robot, overrides=self.overrides)
+        here = inputs_fingerprint(plan)
+        if self.inputs not in (None, here):
+            raise UsageError(
+                f"{self.cell.case}: scenario, robot or settings on {platform.node()} "
+                "are not those that the study began with; a run with them would be "
+                "mixed in. Give this machine the same files, or begin another study"
+            )
+        return {"key": self.cell.key, "inputs": here, **self.cell.run(plan)}
 
 
 class StudyStore:

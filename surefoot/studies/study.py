@@ -11,13 +11,13 @@ import math
 import tempfile
 from collections.abc import Iterable, Mapping, Sequence
 from contextlib import nullcontext
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from itertools import product
 from pathlib import Path
 from typing import Any
 
 from surefoot.errors import UsageError
-from surefoot.progress import CountBar, no_bar
+from surefoot.presentation import CountBar, no_bar
 from surefoot.schemas.scenario import Scenario
 from surefoot.schemas.settings import setting_names
 from surefoot.schemas.validation import nearest
@@ -27,13 +27,16 @@ from surefoot.studies.cell import (
     Group,
     Row,
     find_variant,
-    group_of,
     hashable,
-    is_up,
 )
 from surefoot.studies.execute import execute
 from surefoot.studies.store import StudyStore
-from surefoot.studies.tables import markdown_table, write_summary
+from surefoot.studies.summaries import (
+    Summaries,
+    markdown_table,
+    summarise,
+    write_summary,
+)
 
 SETTINGS_ONLY = {name.partition(".")[0] for name in setting_names()} - set(
     Scenario.__struct_fields__
@@ -41,119 +44,6 @@ SETTINGS_ONLY = {name.partition(".")[0] for name in setting_names()} - set(
 """Sections of settings; no scenario has sections of these names."""
 MOST_RUNS = 1_000_000
 """Largest number of runs of a study: a year on one processor; cells fit in memory."""
-CONFIDENCE = 0.95
-
-
-def success_interval(successes: int, runs: int) -> tuple[float, float]:
-    """Return Wilson's 95 % confidence interval of a success rate.
-
-    Args:
-        successes: at most ``runs``.
-        runs: number of runs; the interval of 0 runs is (0, 1).
-
-    Returns:
-        Lower and upper end, within [0, 1].
-    """
-    from scipy.stats import binomtest
-
-    if runs == 0:
-        return 0.0, 1.0
-    interval = binomtest(successes, runs).proportion_ci(CONFIDENCE, method="wilson")
-    return float(interval.low), float(interval.high)
-
-
-@dataclass(frozen=True)
-class GroupSummary:
-    """Figures of a group; means and worst cases are over the runs that stayed up.
-
-    Attributes:
-        runs: number of runs.
-        up: number of runs that stayed up.
-        up_from: lower end of the 95 % interval of the success rate.
-        up_to: its upper end.
-        com_rms_mm: rms CoM error, mean over seeds, x y z.
-        com_rms_worst_mm: rms CoM error of the worst seed.
-        com_max_mm: largest CoM error of the worst seed, x y z.
-        tilt_max_deg: largest tilt of the worst seed.
-        force_deviation_n: rms force deviation of both feet, mean over seeds.
-        force_peak_n: largest force of the worst seed, either foot.
-        contact_gap_s: longest contact gap of the worst seed, either foot.
-    """
-
-    runs: int
-    up: int
-    up_from: float
-    up_to: float
-    com_rms_mm: list[float] | None = None
-    com_rms_worst_mm: list[float] | None = None
-    com_max_mm: list[float] | None = None
-    tilt_max_deg: float | None = None
-    force_deviation_n: float | None = None
-    force_peak_n: float | None = None
-    contact_gap_s: float | None = None
-
-    @property
-    def horizontal_mm(self) -> float | None:
-        """Horizontal CoM error: rms of x and y together."""
-        return None if self.com_rms_mm is None else math.hypot(*self.com_rms_mm[:2])
-
-    def as_dict(self) -> dict[str, Any]:
-        """Return the figures as built-in types, for JSON."""
-        return asdict(self)
-
-
-Summaries = dict[Group, GroupSummary]
-
-
-def summarise(rows: Iterable[Row]) -> Summaries:
-    """Return summaries by group, in the order of the groups' first rows."""
-    groups: dict[Group, list[Row]] = {}
-    for row in rows:
-        groups.setdefault(group_of(row), []).append(row)
-    return {group: _summary(rows) for group, rows in groups.items()}
-
-
-def _summary(rows: list[Row]) -> GroupSummary:
-    standing = [row for row in rows if is_up(row)]
-    low, high = success_interval(len(standing), len(rows))
-    if not standing:
-        return GroupSummary(runs=len(rows), up=0, up_from=low, up_to=high)
-    deviations = [
-        math.sqrt(_mean([v * v for v in pair]))
-        for row in standing
-        if (pair := row["force_deviation_rms_n"]) is not None
-    ]
-    return GroupSummary(
-        runs=len(rows),
-        up=len(standing),
-        up_from=low,
-        up_to=high,
-        com_rms_mm=_over(standing, "com_error_rms_mm", _mean),
-        com_rms_worst_mm=_over(standing, "com_error_rms_mm", max),
-        com_max_mm=_over(standing, "com_error_max_mm", max),
-        tilt_max_deg=max(row["base_tilt_max_deg"] for row in standing),
-        force_deviation_n=_mean(deviations) if deviations else None,
-        force_peak_n=_largest(standing, "force_peak_n"),
-        contact_gap_s=max(max(row["contact_gap_s"]) for row in standing),
-    )
-
-
-def _largest(rows: list[Row], name: str) -> float | None:
-    """Largest value of both feet over the runs that have one."""
-    values = [max(row[name]) for row in rows if row[name] is not None]
-    return max(values, default=None)
-
-
-def _over(rows: list[Row], name: str, what: Any) -> list[float] | None:
-    """Combine axis by axis over the runs that have values."""
-    values = [row[name] for row in rows if row[name] is not None]
-    if not values:
-        return None
-    return [float(what(column)) for column in zip(*values, strict=True)]
-
-
-def _mean(values: Sequence[float]) -> float:
-    return sum(values) / len(values)
 
 
 @dataclass(frozen=True)

@@ -20,9 +20,9 @@ from surefoot.schemas.scenario import load_scenario
 from surefoot.schemas.settings import ControllerSettings
 from surefoot.sim_robot.catalogue import find_scenario
 from surefoot.stabilizer.factory import check_read
-from surefoot.studies.cell import Cell, Group, Task, find_variant
+from surefoot.studies.cell import Cell, Group, find_variant
 from surefoot.studies.execute import tasks_of
-from surefoot.studies.store import about_code, inputs_fingerprint
+from surefoot.studies.store import Task, about_code, inputs_fingerprint
 from surefoot.tuning.objectives import (
     SCORE,
     SENSITIVITY,

@@ -15,10 +15,10 @@ from optuna.importance import PedAnovaImportanceEvaluator, get_param_importances
 
 from surefoot.errors import UsageError
 from surefoot.out_folder import write_json, write_whole
+from surefoot.presentation import canvas, svg_of, write_rows
 from surefoot.run_plan import resolve_settings
 from surefoot.schemas.settings import ControllerSettings
 from surefoot.studies.paper_page import inline_svg, render
-from surefoot.studies.tables import canvas, svg_of, write_rows
 from surefoot.tuning.ask import Spec
 from surefoot.tuning.outcome import Candidate, Comparison, Tuned, value_text
 from surefoot.tuning.parameters import overrides_of

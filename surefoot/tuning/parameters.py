@@ -12,10 +12,10 @@ import msgspec
 from msgspec import inspect
 
 from surefoot.errors import UsageError
+from surefoot.presentation import split_unit
 from surefoot.schemas.json_schema import field_docs
 from surefoot.schemas.settings import ControllerSettings, setting_names, setting_of
 from surefoot.schemas.validation import nearest
-from surefoot.studies.tables import split_unit
 
 if TYPE_CHECKING:
     import optuna

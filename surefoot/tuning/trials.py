@@ -38,8 +38,9 @@ from surefoot.errors import (
 from surefoot.out_folder import make_out_folder
 from surefoot.processes.child import begin_as_child
 from surefoot.schemas.errors import FileFormatError
-from surefoot.studies.cell import Row, Task
+from surefoot.studies.cell import Row
 from surefoot.studies.execute import run_tasks
+from surefoot.studies.store import Task
 from surefoot.tuning.ask import Spec
 from surefoot.tuning.objectives import (
     BEYOND,

@@ -15,8 +15,8 @@ from tempfile import TemporaryDirectory
 from surefoot.errors import EnvironmentFailedError, TuneInterrupted, UsageError
 from surefoot.installation import install_command
 from surefoot.out_folder import make_out_folder, undone_on_error
+from surefoot.presentation import CountBar, no_bar
 from surefoot.processes.child import Child, Event, Exit, Progress, failure
-from surefoot.progress import CountBar, no_bar
 from surefoot.run_plan import Settings
 from surefoot.studies.cell import Row
 from surefoot.studies.execute import check_address, run_tasks

@@ -22,9 +22,9 @@ from surefoot.schemas.result import PlantResult
 from surefoot.schemas.scenario import scenario_from_table
 from surefoot.schemas.walk_plan import WalkPlan
 from surefoot.sim_robot.robot_loop import run_robot
-from surefoot.stabilizer.control.controller import HoldController
-from surefoot.stabilizer.control.whole_body import WholeBodyController
+from surefoot.stabilizer.controller import HoldController
 from surefoot.stabilizer.node import run_stabilizer
+from surefoot.stabilizer.whole_body.controller import WholeBodyController
 from tests.patient_robot import gentle_settings, patient
 from tests.support import PATIENCE_S, wait_until
 
@@ -33,7 +33,7 @@ FORKED.set_forkserver_preload(
     [
         "surefoot.robot_io.client_side.observer",
         "surefoot.sim_robot.robot_loop",
-        "surefoot.stabilizer.control.whole_body",
+        "surefoot.stabilizer.whole_body.controller",
         "surefoot.stabilizer.node",
         "surefoot.stabilizer.zmp.controller",
     ]

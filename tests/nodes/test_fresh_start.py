@@ -20,7 +20,7 @@ from surefoot.schemas.reasons import EndReason, ModeCause
 from surefoot.schemas.result import ControllerResult
 from surefoot.schemas.settings import ControllerSettings
 from surefoot.signals import read_signals
-from surefoot.stabilizer.control.controller import (
+from surefoot.stabilizer.controller import (
     Controller,
     ControllerOutput,
     HoldController,

@@ -25,7 +25,7 @@ from surefoot.schemas.result import ControllerResult
 from surefoot.schemas.scenario import scenario_from_table
 from surefoot.schemas.topics import topic
 from surefoot.stabilizer import loop
-from surefoot.stabilizer.control.controller import HoldController
+from surefoot.stabilizer.controller import HoldController
 from surefoot.stabilizer.node import run_stabilizer
 from tests.nodes.processes import (
     SEED,

@@ -15,7 +15,7 @@ from surefoot.schemas.endpoints import Endpoints
 from surefoot.schemas.messages import RobotMode, RobotStatus
 from surefoot.schemas.reasons import EndReason, ModeCause, StabilizerState
 from surefoot.schemas.settings import ControllerSettings, SafetySettings
-from surefoot.stabilizer.control.controller import HoldController
+from surefoot.stabilizer.controller import HoldController
 from surefoot.stabilizer.node import run_stabilizer
 from tests.nodes.processes import ProcessError, Running, looking, robot, running
 from tests.nodes.test_nodes import LONG, is_running, observer

@@ -11,8 +11,8 @@ from surefoot.robot_io.robot import Robot
 from surefoot.schemas.errors import FileFormatError
 from surefoot.schemas.scenario import Scenario, scenario_from_table
 from surefoot.sim_robot.catalogue import load_scenario
-from surefoot.sim_robot.ground import ground_blocks
 from surefoot.sim_robot.plant import Plant
+from surefoot.sim_robot.state_view import ground_blocks
 from surefoot.sim_robot.still_ground import FLOOR_M, plan_still_ground
 
 WEIGHT_TOLERANCE_N = 2.0

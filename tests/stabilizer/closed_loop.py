@@ -13,8 +13,8 @@ from surefoot.schemas.arrays import Array
 from surefoot.schemas.scenario import scenario_from_table
 from surefoot.schemas.settings import ControllerSettings
 from surefoot.simulation import Simulation
-from surefoot.stabilizer.control.controller import Controller, ControllerOutput
-from surefoot.stabilizer.control.whole_body import WholeBodyController
+from surefoot.stabilizer.controller import Controller, ControllerOutput
+from surefoot.stabilizer.whole_body.controller import WholeBodyController
 
 NOISE = {
     "force_noise_n": 2.0,

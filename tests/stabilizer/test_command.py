@@ -13,7 +13,7 @@ from surefoot.robot_io.snapshot import Snapshot
 from surefoot.schemas.arrays import Array
 from surefoot.schemas.messages import Reference
 from surefoot.schemas.settings import build_settings
-from surefoot.stabilizer.control.whole_body import WholeBodyController
+from surefoot.stabilizer.whole_body.controller import WholeBodyController
 from tests.stabilizer.standing_snapshot import standing_reference
 
 PERIOD_S = 0.001

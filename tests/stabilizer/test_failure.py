@@ -13,10 +13,10 @@ from surefoot.robot_io.snapshot import Snapshot
 from surefoot.schemas.arrays import Array
 from surefoot.schemas.messages import Reference
 from surefoot.schemas.settings import build_settings
-from surefoot.stabilizer.control.controller import ControllerOutput
-from surefoot.stabilizer.control.whole_body import WholeBodyController
+from surefoot.stabilizer.controller import ControllerOutput
 from surefoot.stabilizer.model import RobotModel
 from surefoot.stabilizer.qp import DenseQp
+from surefoot.stabilizer.whole_body.controller import WholeBodyController
 from tests.stabilizer.standing_snapshot import (
     airborne_snapshot,
     standing_reference,

@@ -14,12 +14,12 @@ from surefoot.schemas.arrays import Array
 from surefoot.schemas.messages import Reference
 from surefoot.schemas.reasons import SensorTrouble, StabilizerState
 from surefoot.schemas.settings import ControllerSettings, SafetySettings
-from surefoot.stabilizer.control.controller import ControllerOutput
-from surefoot.stabilizer.control.whole_body import WholeBodyController
+from surefoot.stabilizer.controller import ControllerOutput
 from surefoot.stabilizer.model import RobotModel
 from surefoot.stabilizer.qp import QpData
 from surefoot.stabilizer.safety.health import FRESH
 from surefoot.stabilizer.safety.safety import Safety
+from surefoot.stabilizer.whole_body.controller import WholeBodyController
 from tests.stabilizer.closed_loop import NOISE
 from tests.stabilizer.standing_snapshot import standing_snapshot
 from tests.stabilizer.watched_run import watched_run

@@ -10,9 +10,9 @@ from surefoot.robot_io.snapshot import Snapshot
 from surefoot.schemas.sensors import SENSORS
 from surefoot.schemas.settings import build_settings
 from surefoot.stabilizer.control.drives import borne_delay, needed_stiffness
-from surefoot.stabilizer.control.whole_body import WholeBodyController
 from surefoot.stabilizer.estimation.observer import FORCES, MOTION, ReadingAges
 from surefoot.stabilizer.margins.margins import compute_margins
+from surefoot.stabilizer.whole_body.controller import WholeBodyController
 from tests.support import with_rate
 
 SPEED = 470.0

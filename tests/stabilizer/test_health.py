@@ -15,7 +15,7 @@ from surefoot.schemas.arrays import Array
 from surefoot.schemas.reasons import SensorTrouble, StabilizerState
 from surefoot.schemas.sensors import SENSORS, Loss, Quantity, Reach, Sensor
 from surefoot.schemas.settings import SafetySettings
-from surefoot.stabilizer.control.controller import HoldController
+from surefoot.stabilizer.controller import HoldController
 from surefoot.stabilizer.safety import safety as safety_module
 from surefoot.stabilizer.safety.health import (
     FRESH,

@@ -17,7 +17,7 @@ from surefoot.schemas.messages import Reference
 from surefoot.schemas.reasons import Outcome
 from surefoot.schemas.result import RunResult
 from surefoot.simulation import Simulation
-from surefoot.stabilizer.control.controller import ControllerOutput, HoldController
+from surefoot.stabilizer.controller import ControllerOutput, HoldController
 
 pytestmark = pytest.mark.closed_loop
 

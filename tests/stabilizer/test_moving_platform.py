@@ -10,9 +10,9 @@ from surefoot.schemas.arrays import Array
 from surefoot.schemas.scenario import scenario_from_table
 from surefoot.schemas.settings import ControllerSettings
 from surefoot.simulation import Simulation
-from surefoot.stabilizer.control.controller import HoldController
-from surefoot.stabilizer.control.whole_body import WholeBodyController
+from surefoot.stabilizer.controller import HoldController
 from surefoot.stabilizer.model import RobotModel
+from surefoot.stabilizer.whole_body.controller import WholeBodyController
 from tests.stabilizer.closed_loop import NOISE, Run, run_closed_loop, swing
 from tests.stabilizer.mirror import Mirror
 

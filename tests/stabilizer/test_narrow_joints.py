@@ -9,11 +9,11 @@ import pytest
 from surefoot.robot_io.robot import Robot, make_robot
 from surefoot.schemas.law_settings import DikSettings
 from surefoot.schemas.settings import ControllerSettings, build_settings
-from surefoot.stabilizer.control.whole_body import WholeBodyController
 from surefoot.stabilizer.dynamics import NORMAL, Dynamics
 from surefoot.stabilizer.factory import check_settings, make_controller
 from surefoot.stabilizer.margins.margins import compute_margins
 from surefoot.stabilizer.model import N_BASE_V, RobotModel
+from surefoot.stabilizer.whole_body.controller import WholeBodyController
 from tests.stabilizer.closed_loop import run_closed_loop, swing
 from tests.stabilizer.laws import PAPER, answer, make_law
 from tests.stabilizer.rig import Rig

@@ -12,12 +12,12 @@ from surefoot.robot_io.robot import Robot
 from surefoot.robot_io.snapshot import Snapshot
 from surefoot.schemas.arrays import Array
 from surefoot.schemas.settings import ControllerSettings, build_settings
-from surefoot.stabilizer.control.controller import ControllerOutput
 from surefoot.stabilizer.control.reference import standing
-from surefoot.stabilizer.control.whole_body import WholeBodyController
+from surefoot.stabilizer.controller import ControllerOutput
 from surefoot.stabilizer.dynamics import Dynamics
 from surefoot.stabilizer.estimation.observer import Observer
 from surefoot.stabilizer.model import GRAVITY, RobotModel
+from surefoot.stabilizer.whole_body.controller import WholeBodyController
 from surefoot.stabilizer.zmp.controller import ZmpController
 from tests.stabilizer.closed_loop import ROLLING, Run, run_closed_loop
 from tests.stabilizer.standing_snapshot import airborne_snapshot

@@ -5,9 +5,9 @@ import pytest
 
 from surefoot.robot_io.robot import Robot
 from surefoot.schemas.settings import build_settings
-from surefoot.stabilizer.control.controller import HoldController, Tunable
-from surefoot.stabilizer.control.whole_body import WholeBodyController
+from surefoot.stabilizer.controller import HoldController, Tunable
 from surefoot.stabilizer.requests import LIVE_SETTINGS, live_values, with_values
+from surefoot.stabilizer.whole_body.controller import WholeBodyController
 from tests.stabilizer.closed_loop import ROLLING, Run, run_closed_loop
 
 DEFAULTS = build_settings(

@@ -18,10 +18,10 @@ from surefoot.schemas.scenario import scenario_from_table
 from surefoot.schemas.settings import ControllerSettings, SafetySettings
 from surefoot.sim_robot.simulated_robot import SimulatedRobot
 from surefoot.simulation import Simulation
-from surefoot.stabilizer.control.controller import ControllerOutput, HoldController
-from surefoot.stabilizer.control.whole_body import WholeBodyController
+from surefoot.stabilizer.controller import ControllerOutput, HoldController
 from surefoot.stabilizer.safety.health import FRESH, SensorHealth
 from surefoot.stabilizer.safety.safety import Safety
+from surefoot.stabilizer.whole_body.controller import WholeBodyController
 from tests.stabilizer.closed_loop import DELAY, NOISE
 from tests.stabilizer.watched_run import watched_run
 

@@ -19,10 +19,10 @@ from surefoot.schemas.settings import ControllerSettings, WalkSettings, build_se
 from surefoot.schemas.toml_file import convert, read_toml
 from surefoot.sim_robot.motion import motion_law
 from surefoot.stabilizer.control.reference import Stance, standing
-from surefoot.stabilizer.control.sway import REACH, Sway
-from surefoot.stabilizer.control.whole_body import WholeBodyController
 from surefoot.stabilizer.factory import PRESETS_DIR
 from surefoot.stabilizer.model import GRAVITY, RobotModel
+from surefoot.stabilizer.whole_body.controller import WholeBodyController
+from surefoot.stabilizer.whole_body.sway import REACH, Sway
 from tests.stabilizer.closed_loop import Run, run_closed_loop, swing
 
 DT = 1e-2

@@ -10,9 +10,9 @@ from surefoot.robot_io.snapshot import Snapshot
 from surefoot.schemas.arrays import Array
 from surefoot.schemas.messages import Reference
 from surefoot.schemas.settings import ControllerSettings
-from surefoot.stabilizer.control.controller import ControllerOutput
-from surefoot.stabilizer.control.whole_body import WholeBodyController
+from surefoot.stabilizer.controller import ControllerOutput
 from surefoot.stabilizer.qp import QpData
+from surefoot.stabilizer.whole_body.controller import WholeBodyController
 from tests.stabilizer.closed_loop import run_closed_loop, swing
 
 pytestmark = pytest.mark.closed_loop

@@ -16,9 +16,9 @@ from surefoot.schemas.settings import ControllerSettings
 from surefoot.stabilizer.control.reference import Stance
 from surefoot.stabilizer.control.tasks import SelectionTask, Task, standing_tasks
 from surefoot.stabilizer.control.tsid import Tsid
-from surefoot.stabilizer.control.whole_body import WholeBodyController
 from surefoot.stabilizer.dynamics import Dynamics
 from surefoot.stabilizer.model import N_BASE_V, RobotModel
+from surefoot.stabilizer.whole_body.controller import WholeBodyController
 from tests.stabilizer.closed_loop import run_closed_loop
 from tests.stabilizer.explicit_dik import solve_explicit
 from tests.stabilizer.least_distance import LeastDistanceSolver

@@ -10,7 +10,7 @@ from surefoot.robot_io.robot import load_robot
 from surefoot.schemas.codec import decode, encode
 from surefoot.schemas.messages import StabilizerStatus
 from surefoot.schemas.reasons import EndReason
-from surefoot.stabilizer.control.controller import ControllerOutput, HoldController
+from surefoot.stabilizer.controller import ControllerOutput, HoldController
 from surefoot.stabilizer.telemetry import SETTLED_S, ControllerTelemetry
 from tests.robot_io.sensor_messages import snapshot_at
 

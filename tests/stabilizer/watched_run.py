@@ -10,7 +10,7 @@ from surefoot.schemas.reasons import EndReason, SensorTrouble, StabilizerState
 from surefoot.schemas.scenario import scenario_from_table
 from surefoot.schemas.settings import ControllerSettings, SafetySettings
 from surefoot.simulation import Simulation
-from surefoot.stabilizer.control.whole_body import WholeBodyController
+from surefoot.stabilizer.whole_body.controller import WholeBodyController
 from tests.stabilizer.closed_loop import DELAY, NOISE
 
 

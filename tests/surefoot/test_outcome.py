@@ -28,9 +28,10 @@ from surefoot.schemas.result import (
 )
 from surefoot.schemas.settings import ControllerSettings
 from surefoot.simulation import Simulation
-from surefoot.stabilizer.control.controller import ControllerOutput, HoldController
-from surefoot.studies.cell import Cell, Group, Task
-from surefoot.studies.study import summarise
+from surefoot.stabilizer.controller import ControllerOutput, HoldController
+from surefoot.studies.cell import Cell, Group
+from surefoot.studies.store import Task
+from surefoot.studies.summaries import summarise
 
 TICKS, PERIOD_S = 1000, 0.001
 PLANT = PlantResult(

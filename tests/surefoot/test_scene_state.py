@@ -10,7 +10,7 @@ from scipy.spatial.transform import Rotation
 
 from surefoot.robot_io.robot import Robot, load_robot
 from surefoot.schemas.scenario import scenario_from_table
-from surefoot.sim_robot.ground import ground_blocks
+from surefoot.sim_robot.state_view import ground_blocks
 from surefoot.sim_robot.world import build_world
 from surefoot.view.page import tilt_deg
 from surefoot.view.robot_shape import RobotShape

@@ -22,7 +22,7 @@ from surefoot.run_plan import make_plan
 from surefoot.runs import execute
 from surefoot.schemas.signals import QP_WORDS, SIGNALS, WALK_SIGNALS, lay_out
 from surefoot.signals import file_sinks
-from surefoot.stabilizer.control.controller import ControllerOutput
+from surefoot.stabilizer.controller import ControllerOutput
 from surefoot.stabilizer.telemetry import ControllerRecorder
 from tests.support import ROLLING
 

@@ -17,7 +17,7 @@ from surefoot.schemas.scenario import scenario_from_table
 from surefoot.schemas.settings import ControllerSettings
 from surefoot.sim_robot.catalogue import load_scenario
 from surefoot.simulation import Simulation
-from surefoot.stabilizer.control.whole_body import WholeBodyController
+from surefoot.stabilizer.whole_body.controller import WholeBodyController
 from tests.stabilizer.closed_loop import NOISE
 
 pytestmark = pytest.mark.closed_loop

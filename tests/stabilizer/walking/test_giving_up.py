@@ -11,10 +11,10 @@ from surefoot.schemas.scenario import scenario_from_table
 from surefoot.schemas.settings import ControllerSettings
 from surefoot.schemas.walk_plan import WalkPlan
 from surefoot.simulation import Simulation
-from surefoot.stabilizer.control.whole_body import WholeBodyController
 from surefoot.stabilizer.walking.feet import FootState
 from surefoot.stabilizer.walking.footsteps import Pace, half_width_of
 from surefoot.stabilizer.walking.gait import Phase
+from surefoot.stabilizer.whole_body.controller import WholeBodyController
 from tests.stabilizer.closed_loop import NOISE
 
 pytestmark = pytest.mark.closed_loop

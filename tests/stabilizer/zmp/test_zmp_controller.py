@@ -11,7 +11,7 @@ import pytest
 from surefoot.robot_io.robot import Robot
 from surefoot.robot_io.snapshot import Snapshot
 from surefoot.schemas.settings import ControllerSettings, build_settings
-from surefoot.stabilizer.control.controller import ControllerOutput
+from surefoot.stabilizer.controller import ControllerOutput
 from surefoot.stabilizer.factory import make_controller
 from surefoot.stabilizer.model import RobotModel
 from surefoot.stabilizer.zmp.controller import ZmpController

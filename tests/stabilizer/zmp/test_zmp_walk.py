@@ -12,7 +12,7 @@ from surefoot.schemas.reasons import Outcome
 from surefoot.schemas.scenario import scenario_from_table
 from surefoot.schemas.settings import ControllerSettings
 from surefoot.simulation import Simulation
-from surefoot.stabilizer.control.controller import Walks
+from surefoot.stabilizer.controller import Walks
 from surefoot.stabilizer.zmp.controller import ZmpController
 from tests.stabilizer.closed_loop import NOISE
 

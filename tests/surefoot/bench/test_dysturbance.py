@@ -14,7 +14,7 @@ from surefoot.bench.bench_runs import PERSON, Under, bench_runs
 from surefoot.bench.dysturbance_bench import Dysturbance
 from surefoot.bench.push_cells import WITHIN, Disturbance, PushCell, push_cell
 from surefoot.errors import UsageError
-from surefoot.progress import no_bar
+from surefoot.presentation import no_bar
 from surefoot.studies.store import RUNS
 from tests.surefoot import own_controllers
 

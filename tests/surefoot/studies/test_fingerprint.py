@@ -11,9 +11,9 @@ import pytest
 
 from surefoot.errors import UsageError
 from surefoot.studies import store
-from surefoot.studies.cell import Cell, Group, Task
+from surefoot.studies.cell import Cell, Group
 from surefoot.studies.execute import execute
-from surefoot.studies.store import StudyStore, code_of_a_run, inputs_fingerprint
+from surefoot.studies.store import StudyStore, Task, code_of_a_run, inputs_fingerprint
 
 SHORT = """
 name = "short"

@@ -13,7 +13,7 @@ from surefoot.studies import paper as d
 from surefoot.studies.cell import Cell
 from surefoot.studies.paper import FAILS, HOLDS, OPEN, Evidence, claims, goals
 from surefoot.studies.paper_page import write_report
-from surefoot.studies.study import summarise
+from surefoot.studies.summaries import summarise
 
 ABOUT = {"code": "0123456789abcdef"}
 

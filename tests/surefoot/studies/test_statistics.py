@@ -7,10 +7,11 @@ from pathlib import Path
 import pytest
 
 from surefoot.studies.cell import Group
-from surefoot.studies.study import GroupSummary, success_interval
-from surefoot.studies.tables import (
+from surefoot.studies.summaries import (
+    GroupSummary,
     curves_over,
     short_name,
+    success_interval,
     success_limit,
     value_in_words,
     write_summary,

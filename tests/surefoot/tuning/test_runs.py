@@ -16,7 +16,8 @@ from surefoot.robot_io.robot import load_robot
 from surefoot.schemas.errors import FileFormatError
 from surefoot.schemas.scenario import Scenario, scenario_from_table
 from surefoot.schemas.toml_file import struct_table, toml_text
-from surefoot.studies.cell import Group, Task
+from surefoot.studies.cell import Group
+from surefoot.studies.store import Task
 from surefoot.tuning.ask import Spec, make_spec
 from surefoot.tuning.objectives import (
     BEYOND,

@@ -17,18 +17,17 @@ from surefoot.schemas.arrays import Array
 from surefoot.schemas.messages import Reference
 from surefoot.schemas.settings import ControllerSettings
 from surefoot.schemas.walk_plan import WalkPlan
-from surefoot.stabilizer.control.controller import (
-    CATCH_UP,
-    BalanceController,
-    ControllerOutput,
-)
 from surefoot.stabilizer.control.dik import Dik
 from surefoot.stabilizer.control.drives import DriveInverse, fastest_mode
 from surefoot.stabilizer.control.force_feedback import ForceFeedback
 from surefoot.stabilizer.control.reference import Approach
-from surefoot.stabilizer.control.sway import Sway
 from surefoot.stabilizer.control.tasks import Task, standing_tasks
 from surefoot.stabilizer.control.tsid import Tsid
+from surefoot.stabilizer.controller import (
+    CATCH_UP,
+    BalanceController,
+    ControllerOutput,
+)
 from surefoot.stabilizer.dynamics import Dynamics
 from surefoot.stabilizer.errors import QpStatus
 from surefoot.stabilizer.estimation.observer import (
@@ -41,6 +40,7 @@ from surefoot.stabilizer.model import GRAVITY, N_BASE_V, RobotModel
 from surefoot.stabilizer.qp import PiqpSolver, QpSolver
 from surefoot.stabilizer.walking.ground import HeightReference
 from surefoot.stabilizer.walking.walk import Walk
+from surefoot.stabilizer.whole_body.sway import Sway
 
 
 class WholeBodyController(BalanceController):

@@ -1,26 +1,23 @@
-"""Tables of a study: for the terminal, as CSV, as Markdown."""
+"""Summaries of a study's runs: figures by group, as tables and as success curves."""
 
 from __future__ import annotations
 
-import csv
-import io
 import logging
+import math
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from importlib.util import find_spec
-from io import BytesIO
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from surefoot.out_folder import write_json, write_whole
+from surefoot.presentation import canvas, markdown, split_unit, svg_of, write_rows
 from surefoot.schemas.reasons import NONE, given
-from surefoot.studies.cell import Group, in_words
-
-if TYPE_CHECKING:
-    from surefoot.studies.study import GroupSummary, Summaries
+from surefoot.studies.cell import Group, Row, group_of, in_words, is_up
 
 _LOG = logging.getLogger("surefoot")
 
+CONFIDENCE = 0.95
 COLUMNS = (
     "case",
     "controller",
@@ -32,6 +29,118 @@ COLUMNS = (
     "force peak [N]",
     "longest without ground [s]",
 )
+
+
+def success_interval(successes: int, runs: int) -> tuple[float, float]:
+    """Return Wilson's 95 % confidence interval of a success rate.
+
+    Args:
+        successes: at most ``runs``.
+        runs: number of runs; the interval of 0 runs is (0, 1).
+
+    Returns:
+        Lower and upper end, within [0, 1].
+    """
+    from scipy.stats import binomtest
+
+    if runs == 0:
+        return 0.0, 1.0
+    interval = binomtest(successes, runs).proportion_ci(CONFIDENCE, method="wilson")
+    return float(interval.low), float(interval.high)
+
+
+@dataclass(frozen=True)
+class GroupSummary:
+    """Figures of a group; means and worst cases are over the runs that stayed up.
+
+    Attributes:
+        runs: number of runs.
+        up: number of runs that stayed up.
+        up_from: lower end of the 95 % interval of the success rate.
+        up_to: its upper end.
+        com_rms_mm: rms CoM error, mean over seeds, x y z.
+        com_rms_worst_mm: rms CoM error of the worst seed.
+        com_max_mm: largest CoM error of the worst seed, x y z.
+        tilt_max_deg: largest tilt of the worst seed.
+        force_deviation_n: rms force deviation of both feet, mean over seeds.
+        force_peak_n: largest force of the worst seed, either foot.
+        contact_gap_s: longest contact gap of the worst seed, either foot.
+    """
+
+    runs: int
+    up: int
+    up_from: float
+    up_to: float
+    com_rms_mm: list[float] | None = None
+    com_rms_worst_mm: list[float] | None = None
+    com_max_mm: list[float] | None = None
+    tilt_max_deg: float | None = None
+    force_deviation_n: float | None = None
+    force_peak_n: float | None = None
+    contact_gap_s: float | None = None
+
+    @property
+    def horizontal_mm(self) -> float | None:
+        """Horizontal CoM error: rms of x and y together."""
+        return None if self.com_rms_mm is None else math.hypot(*self.com_rms_mm[:2])
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return the figures as built-in types, for JSON."""
+        return asdict(self)
+
+
+Summaries = dict[Group, GroupSummary]
+
+
+def summarise(rows: Iterable[Row]) -> Summaries:
+    """Return summaries by group, in the order of the groups' first rows."""
+    groups: dict[Group, list[Row]] = {}
+    for row in rows:
+        groups.setdefault(group_of(row), []).append(row)
+    return {group: _summary(rows) for group, rows in groups.items()}
+
+
+def _summary(rows: list[Row]) -> GroupSummary:
+    standing = [row for row in rows if is_up(row)]
+    low, high = success_interval(len(standing), len(rows))
+    if not standing:
+        return GroupSummary(runs=len(rows), up=0, up_from=low, up_to=high)
+    deviations = [
+        math.sqrt(_mean([v * v for v in pair]))
+        for row in standing
+        if (pair := row["force_deviation_rms_n"]) is not None
+    ]
+    return GroupSummary(
+        runs=len(rows),
+        up=len(standing),
+        up_from=low,
+        up_to=high,
+        com_rms_mm=_over(standing, "com_error_rms_mm", _mean),
+        com_rms_worst_mm=_over(standing, "com_error_rms_mm", max),
+        com_max_mm=_over(standing, "com_error_max_mm", max),
+        tilt_max_deg=max(row["base_tilt_max_deg"] for row in standing),
+        force_deviation_n=_mean(deviations) if deviations else None,
+        force_peak_n=_largest(standing, "force_peak_n"),
+        contact_gap_s=max(max(row["contact_gap_s"]) for row in standing),
+    )
+
+
+def _largest(rows: list[Row], name: str) -> float | None:
+    """Largest value of both feet over the runs that have one."""
+    values = [max(row[name]) for row in rows if row[name] is not None]
+    return max(values, default=None)
+
+
+def _over(rows: list[Row], name: str, what: Any) -> list[float] | None:
+    """Combine axis by axis over the runs that have values."""
+    values = [row[name] for row in rows if row[name] is not None]
+    if not values:
+        return None
+    return [float(what(column)) for column in zip(*values, strict=True)]
+
+
+def _mean(values: Sequence[float]) -> float:
+    return sum(values) / len(values)
 
 
 def success_limit(levels: Sequence[float], rates: Sequence[float]) -> float | None:
@@ -79,35 +188,6 @@ class Curve:
     def limit(self) -> float | None:
         """Level at which half the runs fall; None if it is beyond the levels tried."""
         return success_limit(self.levels, self.rates)
-
-
-_UNITS = {
-    "nm_s_rad": "N m s/rad",
-    "kg_m2": "kg m^2",
-    "nm_rad": "N m/rad",
-    "deg_s": "deg/s",
-    "rad_s": "rad/s",
-    "m_s2": "m/s^2",
-    "m_s": "m/s",
-    "n_s": "N s",
-    "weights": "body weights",
-    "scale": "1",
-    "nm": "N m",
-    "hz": "Hz",
-    "n": "N",
-    **{
-        unit: unit for unit in ("deg", "rad", "mm", "ms", "ns", "kg", "m", "s", "bytes")
-    },
-}
-"""Unit suffixes of names, longer ones first, and their units."""
-
-
-def split_unit(name: str) -> tuple[str, str]:
-    """Return a value's name without its unit suffix, and the unit, or no unit."""
-    for end, unit in _UNITS.items():
-        if name.endswith(f"_{end}"):
-            return name.removesuffix(f"_{end}"), unit
-    return name, ""
 
 
 def short_name(name: str) -> str:
@@ -189,61 +269,6 @@ def draw_curves(
     return svg_of(figure)
 
 
-def canvas(
-    width_in: float, height_in: float, *, rows: int = 1, columns: int = 1
-) -> tuple[Any, Any]:
-    """Return an empty matplotlib figure and its panels, each with a grid.
-
-    Args:
-        width_in: width of the figure [in].
-        height_in: height of the figure [in].
-        rows: rows of panels, which share the x axis.
-        columns: columns of panels.
-
-    Returns:
-        The figure; and one panel, or an array of panels without axes of length 1.
-    """
-    from matplotlib.figure import Figure
-
-    figure = Figure(figsize=(width_in, height_in), layout="constrained")
-    panels = figure.subplots(rows, columns, sharex="col")
-    for axes in figure.axes:
-        axes.grid(alpha=0.3)
-    return figure, panels
-
-
-def write_out(axis: Any, numbers: Sequence[float] = ()) -> None:
-    """Label a logarithmic axis with whole numbers instead of powers of ten.
-
-    Args:
-        axis: an axis of a drawing, already logarithmic.
-        numbers: where to label it; 1, 2 and 5 times powers of ten when empty.
-    """
-    from matplotlib.ticker import FixedLocator, LogLocator, NullFormatter
-
-    locator = FixedLocator(numbers) if numbers else LogLocator(subs=(1.0, 2.0, 5.0))
-    axis.set_major_locator(locator)
-    axis.set_major_formatter("{x:g}")
-    axis.set_minor_formatter(NullFormatter())
-
-
-def svg_of(figure: Any, *, legend: bool = True) -> bytes:
-    """Return a matplotlib figure as SVG; the same drawing gives the same bytes.
-
-    Args:
-        figure: complete except for its legend.
-        legend: add one beside the panels; inside them it would cover curves.
-    """
-    import matplotlib as mpl
-
-    if legend:
-        figure.legend(loc="outside right upper", fontsize="small")
-    buffer = BytesIO()
-    with mpl.rc_context({"svg.hashsalt": "surefoot"}):
-        figure.savefig(buffer, format="svg", metadata={"Date": None})
-    return buffer.getvalue()
-
-
 def cells_of(group: Group, summary: GroupSummary) -> list[str]:
     """Return the cells of a group's row, as text."""
     com = summary.com_rms_mm
@@ -265,23 +290,10 @@ def markdown_table(summaries: Summaries) -> str:
     return markdown(COLUMNS, [cells_of(*each) for each in summaries.items()])
 
 
-def markdown(columns: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
-    """Return texts as a Markdown table."""
-    head, *lines = (f"| {' | '.join(line)} |\n" for line in (columns, *rows))
-    return "".join((head, f"|{'---|' * len(columns)}\n", *lines))
-
-
 def write_csv(path: Path, summaries: Summaries) -> None:
     """Write one row per group and one number per column."""
     rows = [_flat(*each) for each in summaries.items()]
     write_rows(path, (*rows[:1], *(row.values() for row in rows)))
-
-
-def write_rows(path: Path, rows: Iterable[Iterable[object]]) -> None:
-    """Write a CSV file, headings first, completely or not at all."""
-    text = io.StringIO(newline="")
-    csv.writer(text).writerows(rows)
-    write_whole(path, text.getvalue().encode())
 
 
 def _flat(group: Group, summary: GroupSummary) -> dict[str, object]:
