@@ -86,3 +86,14 @@ ROLLING = sf.Scenario(
 def with_rate(robot: Robot, rate_hz: float) -> Robot:
     """Return the same robot at another control rate."""
     return replace(robot, file=msgspec.structs.replace(robot.file, rate_hz=rate_hz))
+
+
+def with_speeds(robot: Robot, speed_rad_s: float, *, only: str = "") -> Robot:
+    """Return a robot whose joints are slower or faster, or those of some names only."""
+    joints = [
+        msgspec.structs.replace(joint, velocity_limit_rad_s=speed_rad_s)
+        if only in joint.name
+        else joint
+        for joint in robot.file.joint
+    ]
+    return replace(robot, file=msgspec.structs.replace(robot.file, joint=joints))

@@ -35,6 +35,8 @@ UNLIMITED: Final = 1e200
 SPEED_SHARE: Final = 5.0
 """Multiple of its velocity limit at which no joint can turn, whatever its encoder
 says."""
+DRIVEN_RAD_S: Final = 15.0
+"""Speed at which a load may turn any joint against its servo, also of a slow drive."""
 
 STUCK_TIMES: Final = 5.0
 """Multiple of ``frozen_after_s`` after which a number that repeats itself is stuck,
@@ -99,7 +101,8 @@ class SensorLimits:
                         ranges[place] = 0.5 * (robot.upper - robot.lower) + margin
                         self._middle[place] = 0.5 * (robot.upper + robot.lower)
                     case Reach.JOINT_SPEED:
-                        ranges[place] = SPEED_SHARE * robot.velocity_limit
+                        fastest = SPEED_SHARE * robot.velocity_limit
+                        ranges[place] = np.maximum(fastest, DRIVEN_RAD_S)
                     case Reach.UNIT_NORM:
                         self._attitudes.append((index, self._now[place]))
         self._per_range, self._per_jump = 1.0 / ranges, 1.0 / jumps

@@ -8,6 +8,7 @@ from collections.abc import Iterator
 from typing import NamedTuple
 
 import numpy as np
+import pinocchio as pin
 
 from surefoot.robot_io.robot import Robot
 from surefoot.schemas.arrays import Mat
@@ -16,7 +17,7 @@ from surefoot.schemas.robot_file import Side
 from surefoot.schemas.settings import WalkSettings
 from surefoot.schemas.walk_plan import Step, Walk, WalkPlan
 from surefoot.stabilizer.control.reference import standing
-from surefoot.stabilizer.model import RobotModel
+from surefoot.stabilizer.model import N_BASE_V, RobotModel
 
 SIDES: tuple[Side, Side] = ("left", "right")
 STAND_AT_END_S = 1.0
@@ -37,6 +38,26 @@ QUINTIC_PEAK = 1.875
 LIFT_SHARE = 0.25
 """Largest speed of a rising foot over that of its leg: only a bent knee lifts it
 [1]."""
+TURN_SHARE = 1.5
+"""Largest rate of turn of a swing foot over that of its hip: the base, which turns by
+half as much, takes a part [1]."""
+SLOWEST_TURN_RAD_S = 0.1
+"""A leg that turns its foot more slowly has no joint for it, and is not waited for."""
+
+
+class LegSpeed(NamedTuple):
+    """Speeds of a leg, by its drives.
+
+    Attributes:
+        travel: of the end of a straight leg [m/s].
+        turn: of the foot about the vertical, by the joint that turns it most [rad/s].
+    """
+
+    travel: float = math.inf
+    turn: float = math.inf
+
+
+ANY_SPEED = LegSpeed()
 
 
 class Foothold(NamedTuple):
@@ -257,25 +278,44 @@ def swing_time(
     way: float,
     settings: WalkSettings,
     *,
-    leg_speed: float,
+    leg_speed: LegSpeed,
     lift: float,
     climb: float = 0.0,
+    turn: float = 0.0,
 ) -> float:
     """Return the least single support in which a leg can set its foot so far [s].
 
     Args:
         way: horizontal way of the foot [m].
         settings: has the parts of single support for travel, rise and descent.
-        leg_speed: speed of the end of a straight leg, by its drives' speed [m/s].
+        leg_speed: of the leg.
         lift: height of the foot over the higher of both footholds [m].
         climb: height of the foothold over the one that is left, by plan [m].
+        turn: from the foot's heading to the foothold's [rad].
     """
     begins, ends = travel_part(climb, lift, settings)
-    up = settings.apex_part
-    rise_s = QUINTIC_PEAK * (lift + max(climb, 0.0)) / (up * LIFT_SHARE * leg_speed)
-    fall_s = QUINTIC_PEAK * (lift - min(climb, 0.0)) / (LIFT_SHARE * leg_speed)
-    travel_s = way * (GLIDE_PEAK / ((ends - begins) * FOOT_SHARE * leg_speed))
-    return max(travel_s, rise_s, fall_s / (1.0 - up))
+    up, speed = settings.apex_part, leg_speed.travel
+    rise_s = QUINTIC_PEAK * (lift + max(climb, 0.0)) / (up * LIFT_SHARE * speed)
+    fall_s = QUINTIC_PEAK * (lift - min(climb, 0.0)) / (LIFT_SHARE * speed)
+    glide = GLIDE_PEAK / (ends - begins)
+    travel_s = way * (glide / (FOOT_SHARE * speed))
+    turn_s = abs(turn) * (glide / (TURN_SHARE * leg_speed.turn))
+    return max(travel_s, turn_s, rise_s, fall_s / (1.0 - up))
+
+
+def leg_speed_of(model: RobotModel) -> LegSpeed:
+    """Return the speeds of a robot's slower leg in its nominal posture."""
+    body, q = model.pin_model, model.nominal_configuration()
+    data, servo = body.createData(), model.robot.servo_profile.velocity_limit_rad_s
+    com_height = float(pin.centerOfMass(body, data, q)[2])
+    turn = math.inf
+    for sole in model.sole_ids:
+        J = pin.computeFrameJacobian(body, data, q, sole, pin.LOCAL_WORLD_ALIGNED)
+        about_z = np.abs(J[5, N_BASE_V:])
+        joint = int(np.argmax(about_z))
+        speed = min(servo, float(model.velocity_limit[joint]))
+        turn = min(turn, float(about_z[joint]) * speed)
+    return LegSpeed(com_height * servo, turn if turn > SLOWEST_TURN_RAD_S else math.inf)
 
 
 def half_width_of(robot: Robot) -> float:
@@ -295,12 +335,12 @@ def plan_of(
         settings: has the times of the first and the last shift.
         duration_s: of the scenario.
     """
-    stance, period_s = standing(RobotModel(robot)), robot.period_s
+    model, period_s = RobotModel(robot), robot.period_s
     if walk.step:
         steps = _written_steps(walk)
     else:
-        speed = stance.com_nominal * robot.servo_profile.velocity_limit_rad_s
-        half_width = 0.5 * float(stance.p_sole[0][1] - stance.p_sole[1][1])
+        left, right = standing(model).p_sole
+        half_width, speed = 0.5 * float(left[1] - right[1]), leg_speed_of(model)
         steps = _velocity_steps(walk, settings, duration_s, half_width, speed)
     return WalkPlan(
         schema=SCHEMA_VERSION,
@@ -331,7 +371,7 @@ def _velocity_steps(
     settings: WalkSettings,
     duration_s: float,
     half_width: float,
-    leg_speed: float,
+    leg_speed: LegSpeed,
 ) -> list[Step]:
     """Return as many steps as there is time for, with the time that each takes."""
     pace = Pace(
@@ -346,11 +386,12 @@ def _velocity_steps(
         pace, Foothold(0.0, 0.0, 0.0, 0.0), half_width=half_width, first_id=0
     )
     first = list(itertools.islice(steps, 4))
-    way = max(
-        math.dist(step.position, before.position)
-        for before, step in zip(first, first[2:], strict=False)
+    swings = list(zip(first, first[2:], strict=False))
+    way = max(math.dist(after.position, before.position) for before, after in swings)
+    turn = max(abs(after.yaw - before.yaw) for before, after in swings)
+    least_s = swing_time(
+        way, settings, leg_speed=leg_speed, lift=walk.height_m, turn=turn
     )
-    least_s = swing_time(way, settings, leg_speed=leg_speed, lift=walk.height_m)
     # Double support too short to unload a foot is extended by waiting.
     period = max(walk.step_s, least_s) + max(walk.double_s, settings.unload_wait_s)
     last_s = walk.stop_s

@@ -28,7 +28,7 @@ from surefoot.schemas.arrays import Array
 from surefoot.schemas.settings import WalkSettings
 from surefoot.stabilizer.qp import DenseQp, QpSolution
 from surefoot.stabilizer.walking.dcm import Point
-from surefoot.stabilizer.walking.footsteps import FOOT_SHARE, Foothold
+from surefoot.stabilizer.walking.footsteps import FOOT_SHARE, Foothold, LegSpeed
 from surefoot.stabilizer.walking.gait import Gait
 from surefoot.stabilizer.walking.step_queue import Move
 
@@ -62,7 +62,7 @@ class StepAdjustment:
         *,
         nearest: float,
         half_sizes: tuple[float, float],
-        leg_speed: float,
+        leg_speed: LegSpeed,
         period_s: float,
     ) -> None:
         """Begin without a shift.
@@ -71,7 +71,7 @@ class StepAdjustment:
             settings: dead band, weights, speed and limits.
             nearest: least sideways distance of parallel feet [m].
             half_sizes: half length and half width of a sole [m].
-            leg_speed: speed of the end of a straight leg, by its drives' speed [m/s].
+            leg_speed: of the slower leg.
             period_s: time between two updates [s].
         """
         self._settings, self._dt = settings, period_s
@@ -88,7 +88,7 @@ class StepAdjustment:
             settings.adjust == "both"
             and 0.0 < settings.cross_ahead_m <= settings.longest_m
         )
-        crossing = min(CROSSING_M_S, FOOT_SHARE * leg_speed)
+        crossing = min(CROSSING_M_S, FOOT_SHARE * leg_speed.travel)
         self._rates = (settings.adjust_rate_m_s, crossing)
         self._qp = DenseQp("step adjustment", n=3, m=0)
         self._weights: Array = np.array([1.0, 1.0, settings.adjust_growth_m**2])

@@ -13,7 +13,14 @@ from surefoot.schemas.settings import WalkSettings
 from surefoot.schemas.walk_plan import WalkPlan
 from surefoot.stabilizer.control.reference import Stance, standing
 from surefoot.stabilizer.model import RobotModel
-from surefoot.stabilizer.walking.footsteps import SIDES, Foothold, swing_time
+from surefoot.stabilizer.walking.footsteps import (
+    ANY_SPEED,
+    SIDES,
+    Foothold,
+    LegSpeed,
+    leg_speed_of,
+    swing_time,
+)
 
 CLOSING_ID = -1
 """Id of the step that brings the feet together; it is in no plan."""
@@ -66,7 +73,7 @@ class StepQueue:
         *,
         half_width: float,
         nearest: float,
-        leg_speed: float = math.inf,
+        leg_speed: LegSpeed = ANY_SPEED,
         soles: Sequence[tuple[float, float]] = (),
     ) -> None:
         """Begin without a plan.
@@ -75,8 +82,8 @@ class StepQueue:
             settings: has the limits of steps.
             half_width: distance of sole to middle, standing [m].
             nearest: least sideways distance of the feet [m].
-            leg_speed: speed of the end of a straight leg, by its drives' speed; a step
-                that needs more than a part of it takes longer [m/s].
+            leg_speed: of the slower leg; a step that needs more than a part of it takes
+                longer.
             soles: half length and half width of left and right sole [m]; empty when
                 unknown.
         """
@@ -95,7 +102,7 @@ class StepQueue:
 
     @classmethod
     def of(
-        cls, settings: WalkSettings, *, robot: Robot, model: RobotModel, stance: Stance
+        cls, settings: WalkSettings, *, model: RobotModel, stance: Stance
     ) -> StepQueue:
         """Return the queue of a robot that begins in its nominal stance."""
         left, right = stance.p_sole
@@ -103,7 +110,7 @@ class StepQueue:
             settings,
             half_width=0.5 * float(left[1] - right[1]),
             nearest=nearest_of(model, settings),
-            leg_speed=leg_speed_of(robot, stance),
+            leg_speed=leg_speed_of(model),
             soles=model.half_sizes,
         )
 
@@ -239,6 +246,7 @@ class StepQueue:
             leg_speed=self._leg_speed,
             lift=move.height_m,
             climb=place.z - start.z,
+            turn=math.remainder(place.yaw - start.yaw, math.tau),
         )
         single_s = max(move.single_s, least_s)
         return Move(move.id, move.side, place, single_s, move.double_s, move.height_m)
@@ -304,11 +312,6 @@ def nearest_of(model: RobotModel, settings: WalkSettings) -> float:
     return sum(width for _, width in model.half_sizes) + settings.between_soles_m
 
 
-def leg_speed_of(robot: Robot, stance: Stance) -> float:
-    """Return the speed of the end of a straight leg, by its drives' speed [m/s]."""
-    return stance.com_nominal * robot.servo_profile.velocity_limit_rad_s
-
-
 def foretold(plan: WalkPlan, robot: Robot, settings: WalkSettings) -> tuple[str, float]:
     """Predict how a plan goes for a robot that stands.
 
@@ -324,7 +327,7 @@ def foretold(plan: WalkPlan, robot: Robot, settings: WalkSettings) -> tuple[str,
     """
     model = RobotModel(robot)
     stance = standing(model)
-    queue = StepQueue.of(settings, robot=robot, model=model, stance=stance)
+    queue = StepQueue.of(settings, model=model, stance=stance)
     feet = [
         Foothold(float(p[0]), float(p[1]), 0.0, yaw)
         for p, yaw in zip(stance.p_sole, stance.yaw_sole, strict=True)

@@ -37,6 +37,7 @@ class SwingPath:
         xy_acceleration: acceleration of ``xy`` [m/s^2].
         yaw: heading [rad].
         yaw_rate: rate of ``yaw`` [rad/s].
+        turn: change of the heading from the beginning to the end [rad].
         height: height over the expected ground [m].
         height_rate: rate of ``height`` [m/s].
         height_acceleration: acceleration of ``height`` [m/s^2].
@@ -54,7 +55,7 @@ class SwingPath:
         self.yaw = self.yaw_rate = 0.0
         self.height = self.height_rate = self.height_acceleration = 0.0
         self.start = self._way = self.unshifted = (0.0, 0.0)
-        self._yaw_from = self._yaw_to = 0.0
+        self._yaw_from = self.turn = 0.0
         self._height_from = self._rise = self.apex = 0.0
         self.duration_s = self._travel_s = 1.0
         self.way = (0.0, 0.0)
@@ -90,7 +91,7 @@ class SwingPath:
         """
         self.start = self.xy = self.unshifted = xy
         self._yaw_from = yaw
-        self._yaw_to = yaw + math.remainder(target_yaw - yaw, math.tau)
+        self.turn = math.remainder(target_yaw - yaw, math.tau)
         self._height_from, self._rise = height, rise
         self.apex = max(height, rise) + lift
         self.duration_s = duration_s
@@ -129,8 +130,7 @@ class SwingPath:
             way_x * s_acceleration + pull_x,
             way_y * s_acceleration + pull_y,
         )
-        turn = self._yaw_to - self._yaw_from
-        self.yaw, self.yaw_rate = self._yaw_from + turn * s, turn * s_rate
+        self.yaw, self.yaw_rate = self._yaw_from + self.turn * s, self.turn * s_rate
         self.height, rise, lift = self._height_at(self.time)
         self.height_rate, self.height_acceleration = pace * rise, pace * pace * lift
 

@@ -9,7 +9,7 @@ from surefoot.schemas.arrays import Array, Vec3
 from surefoot.schemas.settings import WalkSettings
 from surefoot.stabilizer.dynamics import SolesAndCom
 from surefoot.stabilizer.model import yaw_from
-from surefoot.stabilizer.walking.footsteps import Foothold, swing_time
+from surefoot.stabilizer.walking.footsteps import Foothold, LegSpeed, swing_time
 from surefoot.stabilizer.walking.ground import ExpectedGround
 from surefoot.stabilizer.walking.step_queue import Move
 from surefoot.stabilizer.walking.swing import (
@@ -42,7 +42,7 @@ class SwingFoot:
         ground: ExpectedGround,
         *,
         lead_s: float,
-        leg_speed: float,
+        leg_speed: LegSpeed,
         weight: float,
         period_s: float,
     ) -> None:
@@ -52,7 +52,7 @@ class SwingFoot:
             settings: of walking.
             ground: expected ground; read, not advanced.
             lead_s: lead of the velocity: the lag of the servos [s].
-            leg_speed: speed of the end of a straight leg, by its drives' speed [m/s].
+            leg_speed: of the slower leg.
             weight: of the robot [N].
             period_s: time between two updates [s].
         """
@@ -92,6 +92,7 @@ class SwingFoot:
             self._settings,
             leg_speed=self._leg_speed,
             lift=move.height_m,
+            turn=path.turn,
         )
         return least_s * (1.0 - path.time / path.duration_s)
 
@@ -173,6 +174,7 @@ class SwingFoot:
             leg_speed=self._leg_speed,
             lift=lift,
             climb=higher,
+            turn=math.remainder(move.place.yaw - path.yaw, math.tau),
         )
         duration_s = max(left_s, least_s, move.single_s)
         self._caught_s, self._begun_s = 0.0, t

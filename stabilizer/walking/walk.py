@@ -26,7 +26,13 @@ from surefoot.stabilizer.estimation.contact import Anchors, ContactMonitor
 from surefoot.stabilizer.estimation.observer import ObservedState
 from surefoot.stabilizer.model import GRAVITY, RobotModel
 from surefoot.stabilizer.walking.feet import Feet, FootState, WalkState
-from surefoot.stabilizer.walking.footsteps import SIDES, Foothold, mean_yaw, turned
+from surefoot.stabilizer.walking.footsteps import (
+    SIDES,
+    Foothold,
+    leg_speed_of,
+    mean_yaw,
+    turned,
+)
 from surefoot.stabilizer.walking.gait import Gait, Phase
 from surefoot.stabilizer.walking.ground import (
     ExpectedGround,
@@ -35,12 +41,7 @@ from surefoot.stabilizer.walking.ground import (
 )
 from surefoot.stabilizer.walking.phase_changes import PhaseChanges, is_over
 from surefoot.stabilizer.walking.step_adjustment import StepAdjustment
-from surefoot.stabilizer.walking.step_queue import (
-    Move,
-    StepQueue,
-    leg_speed_of,
-    nearest_of,
-)
+from surefoot.stabilizer.walking.step_queue import Move, StepQueue, nearest_of
 from surefoot.stabilizer.walking.swing_foot import SwingFoot
 
 ROLL_ON = 0.5
@@ -104,8 +105,8 @@ class Walk:
             largest_force=largest_force,
             period_s=period_s,
         )
-        speed = leg_speed_of(robot, stance)
-        self.queue = StepQueue.of(settings, robot=robot, model=model, stance=stance)
+        speed = leg_speed_of(model)
+        self.queue = StepQueue.of(settings, model=model, stance=stance)
         self.state: WalkState | None = None
         self._told = WalkState()
         self._ground = ExpectedGround(

@@ -24,6 +24,7 @@ from surefoot.stabilizer.safety.health import (
     SensorHealth,
 )
 from surefoot.stabilizer.safety.safety import Safety
+from tests.support import with_speeds
 
 SETTINGS = SafetySettings()
 LONG = 40
@@ -114,6 +115,16 @@ def test_one_beyond_its_range_is_lost(
     walker: Robot, entry: Sensor, quantity: Quantity
 ) -> None:
     assert lost_after(walker, entry, quantity, 1e6) is SensorTrouble.OUT_OF_RANGE
+
+
+def test_a_joint_that_its_load_turns_faster_than_its_drive_is_believed(
+    walker: Robot,
+) -> None:
+    """A foot that lands turned back a slow hip at five times its speed limit."""
+    slow = with_speeds(walker, 0.3)
+    entry = next(entry for entry in SENSORS if entry.name == "joints")
+    quantity = next(one for one in entry.quantities if one.attribute == "dq")
+    assert lost_after(slow, entry, quantity, 3.0) is None
 
 
 @each([pair for pair in ALL if pair[1].jump])

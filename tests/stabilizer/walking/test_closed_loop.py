@@ -19,6 +19,7 @@ from surefoot.sim_robot.catalogue import load_scenario
 from surefoot.simulation import Simulation
 from surefoot.stabilizer.whole_body.controller import WholeBodyController
 from tests.stabilizer.closed_loop import NOISE
+from tests.support import with_speeds
 
 pytestmark = pytest.mark.closed_loop
 DCM_RMS_MM, PLACEMENT_MM, ODOMETRY_M = 10.0, 10.0, 0.01
@@ -84,6 +85,15 @@ def test_standing_is_a_walk_without_steps(walker: Robot) -> None:
         sim.run(WholeBodyController(walker, ControllerSettings()))
         hashes.append(sim.result().log_sha256)
     assert hashes[0] == hashes[1]
+
+
+@pytest.mark.slow
+def test_turns_with_a_slow_hip(walker: Robot) -> None:
+    """It fell: the hip was behind, and the foot landed turned."""
+    slow = with_speeds(walker, 0.32, only="hip_yaw")
+    result, _, _ = walk(slow, 12.0, velocity_m_s=0.12, yaw_rate_deg_s=17.2)
+    assert result.outcome is Outcome.WALKED, result.outcome_detail
+    assert max(result.dcm_error_rms_mm or [np.inf]) < DCM_RMS_MM
 
 
 SHIPPED = (

@@ -10,7 +10,7 @@ import pytest
 from scipy.optimize import minimize
 
 from surefoot.schemas.settings import WalkSettings
-from surefoot.stabilizer.walking.footsteps import Foothold
+from surefoot.stabilizer.walking.footsteps import ANY_SPEED, Foothold
 from surefoot.stabilizer.walking.gait import Gait
 from surefoot.stabilizer.walking.phase_changes import is_over
 from surefoot.stabilizer.walking.step_adjustment import StepAdjustment
@@ -63,7 +63,7 @@ class Step:
             settings,
             nearest=NEAREST_M,
             half_sizes=HALF_SIZES,
-            leg_speed=math.inf,
+            leg_speed=ANY_SPEED,
             period_s=DT,
         )
         behind = self.support.beside(-ahead if start > 0.0 else -0.42, start * self.own)

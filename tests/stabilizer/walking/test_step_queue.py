@@ -2,16 +2,20 @@
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
 import msgspec
 import pytest
 
+from surefoot.robot_io.robot import Robot
 from surefoot.schemas.messages import SCHEMA_VERSION
 from surefoot.schemas.settings import WalkSettings
 from surefoot.schemas.walk_plan import Step, WalkPlan
-from surefoot.stabilizer.walking.footsteps import Foothold
+from surefoot.stabilizer.model import RobotModel
+from surefoot.stabilizer.walking.footsteps import Foothold, LegSpeed, leg_speed_of
 from surefoot.stabilizer.walking.step_queue import CLOSING_ID, StepQueue
+from tests.support import with_speeds
 
 NEAREST_M = 0.17
 HALF_M = 0.11
@@ -195,9 +199,27 @@ def test_messages_in_disorder_are_refused(steps: tuple[Step, ...], words: str) -
         msgspec.convert(raw, WalkPlan)
 
 
+def test_a_turn_takes_as_long_as_the_hip_needs() -> None:
+    turned = {"yaw": 0.3}
+    times = []
+    for speed in (LegSpeed(10.0, 10.0), LegSpeed(10.0, 0.3), LegSpeed(10.0, 0.15)):
+        queue = StepQueue(LIMITS, half_width=HALF_M, nearest=NEAREST_M, leg_speed=speed)
+        queue.take(plan(step(0, **turned)), FEET, walks=False)
+        times.append(queue.begin(FEET).single_s)
+    assert times[0] == step(0).single_s
+    assert times[2] == pytest.approx(2.0 * times[1])
+
+
+def test_a_leg_turns_as_fast_as_its_hip(walker: Robot) -> None:
+    """The Walker's hip yaw is vertical; its other joints do not turn a foot."""
+    for speed, expected in ((8.0, 8.0), (0.3, 0.3), (0.01, math.inf)):
+        slow = with_speeds(walker, speed, only="hip_yaw")
+        assert leg_speed_of(RobotModel(slow)).turn == pytest.approx(expected, rel=0.01)
+
+
 def test_a_step_takes_as_long_as_the_drives_need() -> None:
     times = []
-    for leg_speed in (10.0, 0.5):
+    for leg_speed in (LegSpeed(10.0), LegSpeed(0.5)):
         queue = StepQueue(
             LIMITS, half_width=HALF_M, nearest=NEAREST_M, leg_speed=leg_speed
         )

@@ -11,7 +11,7 @@ import pytest
 
 from surefoot.schemas.arrays import Array
 from surefoot.schemas.settings import WalkSettings
-from surefoot.stabilizer.walking.footsteps import Foothold
+from surefoot.stabilizer.walking.footsteps import Foothold, LegSpeed
 from surefoot.stabilizer.walking.ground import ExpectedGround
 from surefoot.stabilizer.walking.step_queue import Move
 from surefoot.stabilizer.walking.swing_foot import BACK_M, FREE_S, SwingFoot
@@ -40,7 +40,7 @@ def swing() -> SwingFoot:
         SETTINGS,
         ground,
         lead_s=0.0,
-        leg_speed=8.0,
+        leg_speed=LegSpeed(8.0),
         weight=MOST_N / SETTINGS.caught_share,
         period_s=DT,
     )
