@@ -308,14 +308,15 @@ def leg_speed_of(model: RobotModel) -> LegSpeed:
     body, q = model.pin_model, model.nominal_configuration()
     data, servo = body.createData(), model.robot.servo_profile.velocity_limit_rad_s
     com_height = float(pin.centerOfMass(body, data, q)[2])
-    turn = math.inf
+    travel = turn = math.inf
     for sole in model.sole_ids:
-        J = pin.computeFrameJacobian(body, data, q, sole, pin.LOCAL_WORLD_ALIGNED)
-        about_z = np.abs(J[5, N_BASE_V:])
-        joint = int(np.argmax(about_z))
-        speed = min(servo, float(model.velocity_limit[joint]))
-        turn = min(turn, float(about_z[joint]) * speed)
-    return LegSpeed(com_height * servo, turn if turn > SLOWEST_TURN_RAD_S else math.inf)
+        J = np.abs(
+            pin.computeFrameJacobian(body, data, q, sole, pin.LOCAL_WORLD_ALIGNED)
+        )[:, N_BASE_V:]
+        hip, yaw = int(np.argmax(J[0])), int(np.argmax(J[5]))
+        travel = min(travel, com_height * min(servo, float(model.velocity_limit[hip])))
+        turn = min(turn, J[5, yaw] * min(servo, float(model.velocity_limit[yaw])))
+    return LegSpeed(travel, float(turn) if turn > SLOWEST_TURN_RAD_S else math.inf)
 
 
 def half_width_of(robot: Robot) -> float:
