@@ -95,8 +95,8 @@ def run(
         bool,
         typer.Option(
             "--scale-to-robot",
-            help="Scale down motions of the ground and pushes that the robot cannot "
-            "reach, and say by how much.",
+            help="Scale down motions of the ground, pushes and the velocity of a walk "
+            "that the robot cannot reach, and say by how much.",
         ),
     ] = False,
     settings: options.SettingsOption = None,

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
+from functools import partial
 from typing import NamedTuple
 
 import numpy as np
@@ -287,6 +288,29 @@ class ReachSearch:
 
     def _part(self, ground: Ground) -> float:
         return _bisect(lambda share: self.fits(ground.scaled(share)))
+
+    def step_share(self, ways: Iterable[Vec3]) -> float:
+        """Return the part of all these steps that fits, between 0 and 1.
+
+        With both soles flat, the base upright and the CoM over their middle, as high as
+        in the nominal posture.
+
+        Args:
+            ways: (3,) each, from the right to the left sole [m].
+        """
+        beside, share = np.array([0.0, self._apart, 0.0]), 1.0
+        for way in ways:
+            reached = share * (way - beside)
+            if not self._spans(beside + reached):
+                share *= _bisect(partial(self._spans_part, beside, reached))
+        return share
+
+    def _spans_part(self, beside: Vec3, way: Vec3, part: float) -> bool:
+        return self._spans(beside + part * way)
+
+    def _spans(self, between: Vec3) -> bool:
+        wanted = Wanted(self._nominal, between, com_height_m=self._height)
+        return self._solver.solve(wanted, steps=_STEPS, exact=False).is_good
 
     def reach(self, enough: Reach | None = None) -> Reach:
         """Search each direction by itself, none farther than ``enough``."""

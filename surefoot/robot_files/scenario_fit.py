@@ -9,8 +9,9 @@ import numpy as np
 
 from surefoot.errors import UsageError
 from surefoot.robot_io.robot import Robot
-from surefoot.schemas.arrays import Array, Mat
+from surefoot.schemas.arrays import Array, Mat, Vec3
 from surefoot.schemas.scenario import Platform, Push, Scenario
+from surefoot.schemas.settings import WalkSettings
 from surefoot.sim_robot.motion import motion_law
 from surefoot.stabilizer.model import RobotModel
 from surefoot.stabilizer.stance.nominal import (
@@ -19,6 +20,13 @@ from surefoot.stabilizer.stance.nominal import (
     reach_search,
 )
 from surefoot.stabilizer.stance.solver import Ground, GroundPose, ReachSearch
+from surefoot.stabilizer.walking.footsteps import (
+    SIDES,
+    Foothold,
+    half_width_of,
+    mean_yaw,
+    plan_of,
+)
 
 SAMPLE_S = 0.01
 KEPT_SHARE = 0.9
@@ -26,6 +34,9 @@ KEPT_SHARE = 0.9
 LEAST_SHARE = 0.05
 PUSH_SHARE = 0.6
 """Part of the capture limit that pushes are scaled to [1]."""
+FLAT_SHARE = 0.9
+"""Part of a step that both soles must reach flat; one that tilts a little reaches
+farther [1]."""
 FOLLOWED_HZ = 0.2
 """Ground that heaves more slowly takes the centre of mass along [Hz]."""
 _AXES = ("z", "roll", "pitch")
@@ -34,6 +45,8 @@ _SIZES = (
     *("gain", "scale"),
 )
 """Keys that scale a motion, for all kinds of motion."""
+_PACES = ("velocity_m_s", "lateral_m_s", "yaw_rate_deg_s")
+"""Keys that shorten the steps of a walk."""
 
 
 class ScenarioFit(msgspec.Struct, frozen=True, kw_only=True):
@@ -43,12 +56,14 @@ class ScenarioFit(msgspec.Struct, frozen=True, kw_only=True):
         name: name of the scenario.
         ground_share: part of the ground's motion that the joints reach, at most 1.
         push_share: hardest push over what the soles can catch; 0 without pushes.
+        step_share: part of a walk's steps that both soles reach, at most 1.
         why: what is out of reach, in words; empty when nothing is.
     """
 
     name: str
     ground_share: float
     push_share: float
+    step_share: float
     why: str
 
 
@@ -77,12 +92,18 @@ def fit(
         words.append(f"the legs reach {100.0 * share:.0f} % of the ground's motion")
     if pushed > 1.0:
         words.append(f"a push is {pushed:.1f} times what the soles can catch")
-    if scenario.walk is not None and (needed := one_foot_share(model)) > 1.0:
-        words.append(f"one knee alone needs {100.0 * needed:.0f} % of its torque")
+    steps = 1.0
+    if scenario.walk is not None:
+        if (needed := one_foot_share(model)) > 1.0:
+            words.append(f"one knee alone needs {100.0 * needed:.0f} % of its torque")
+        steps = search.step_share(_steps(scenario, robot))
+        if steps < FLAT_SHARE:
+            words.append(f"both soles reach {100.0 * steps:.0f} % of the steps")
     return ScenarioFit(
         name=scenario.name,
         ground_share=share,
         push_share=pushed,
+        step_share=steps,
         why="; ".join(words),
     )
 
@@ -91,7 +112,8 @@ def scale_to_robot(scenario: Scenario, robot: Robot) -> tuple[Scenario, str]:
     """Scale a scenario down where a robot cannot reach it.
 
     All motions of the ground are scaled by one factor, also those along x and y. Rates
-    and frequencies stay. Pushes beyond the capture limit are scaled by another factor.
+    and frequencies stay. Pushes beyond the capture limit are scaled by another factor,
+    and the velocity of a walk whose steps are too long by a third.
 
     Returns:
         The scenario, and in words what was done; unchanged and no words if it fits.
@@ -102,7 +124,10 @@ def scale_to_robot(scenario: Scenario, robot: Robot) -> tuple[Scenario, str]:
     found = fit(scenario, robot)
     if not found.why:
         return scenario, ""
-    if found.ground_share == 1.0 and found.push_share <= 1.0:
+    walk = scenario.walk
+    paces = {} if walk is None else {name: getattr(walk, name) for name in _PACES}
+    shortens = found.step_share < FLAT_SHARE and any(paces.values())
+    if found.ground_share == 1.0 and found.push_share <= 1.0 and not shortens:
         raise UsageError(
             f"{scenario.name}: {robot.file.name} cannot walk: {found.why}; see "
             "surefoot check-robot-file"
@@ -123,6 +148,11 @@ def scale_to_robot(scenario: Scenario, robot: Robot) -> tuple[Scenario, str]:
         share = PUSH_SHARE / found.push_share
         changes["push"] = [_scaled_push(push, share) for push in scenario.push]
         words.append(f"pushes to {100.0 * share:.0f} %")
+    if walk is not None and shortens:
+        share = round(KEPT_SHARE * found.step_share, 2)
+        slower = {name: share * pace for name, pace in paces.items()}
+        changes["walk"] = msgspec.structs.replace(walk, **slower)
+        words.append(f"the walk's velocity to {100.0 * share:.0f} %")
     told = f"{scenario.name} scaled to {robot.file.name}: {', '.join(words)}"
     return msgspec.structs.replace(scenario, **changes), told
 
@@ -152,6 +182,23 @@ def _extremes(scenario: Scenario) -> list[Ground]:
         Ground(GroundPose(*pose[:3]), GroundPose(*pose[3:]))
         for pose in _farthest(together)
     ]
+
+
+def _steps(scenario: Scenario, robot: Robot) -> list[Vec3]:
+    """Return the ways from the right to the left sole in a walk, (3,) each [m]."""
+    assert scenario.walk is not None  # asked for walks only
+    plan = plan_of(scenario.walk, robot, WalkSettings(), duration_s=scenario.duration_s)
+    half = half_width_of(robot)
+    feet = [Foothold(0.0, half, 0.0, 0.0), Foothold(0.0, -half, 0.0, 0.0)]
+    ways = set()
+    for step in plan.steps:
+        x, y, z = step.position
+        feet[SIDES.index(step.side)] = Foothold(x, y, z, step.yaw)
+        left, right = feet
+        middle = right._replace(yaw=mean_yaw(left.yaw, right.yaw))
+        x, y, _ = left.seen_from(middle)
+        ways.add((round(x, 3), round(y, 3), round(left.z - right.z, 3)))
+    return [np.array(way) for way in sorted(ways)]
 
 
 def _track(platform: Platform, duration_s: float) -> Mat:

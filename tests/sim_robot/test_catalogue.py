@@ -21,6 +21,15 @@ def test_shipped_scenario_bears_the_name_of_its_file(name: str) -> None:
     assert scenario.description
 
 
+@pytest.mark.parametrize("name", list_scenarios())
+def test_shipped_scenario_fits_any_robot(name: str) -> None:
+    """None of its parts names a link or a joint."""
+    scenario = load_scenario(name)
+    assert not [part for part in (*scenario.push, *scenario.rod) if part.body]
+    assert not scenario.payload
+    assert not isinstance(scenario.sensors.encoder_offset_rad, dict)
+
+
 def test_path_is_a_scenario_too(tmp_path: Path) -> None:
     path = tmp_path / "mine.toml"
     path.write_text('name = "mine"\nduration_s = 2.0\n')

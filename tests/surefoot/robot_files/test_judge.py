@@ -22,7 +22,7 @@ from surefoot.robot_files.scenario_fit import fit, scale_to_robot
 from surefoot.robot_io.robot import Robot, load_robot, make_robot
 from surefoot.schemas.motions import SineMotion
 from surefoot.schemas.scenario import Platform, Push, Scenario
-from surefoot.schemas.walk_plan import Walk
+from surefoot.schemas.walk_plan import Walk, WalkStep
 from surefoot.sim_robot.catalogue import load_scenario
 from surefoot.sim_robot.plant import Plant
 from surefoot.sim_robot.pushes import CaptureLimit
@@ -176,6 +176,36 @@ def test_a_push_beyond_the_capture_limit_is_scaled_below_it() -> None:
     assert fit(hard, WALKER).push_share > 1.0
     scaled, _ = scale_to_robot(hard, WALKER)
     assert fit(scaled, WALKER).push_share == pytest.approx(0.6)
+
+
+def striding(**changes: Any) -> Scenario:
+    return Scenario(name="strides", duration_s=8.0, walk=Walk(**changes))
+
+
+def test_steps_longer_than_both_soles_reach_are_told_and_shortened() -> None:
+    long = striding(velocity_m_s=1.1, step_s=0.6, double_s=0.2)
+    found = fit(long, WALKER)
+    assert 0.5 < found.step_share < 0.9
+    assert found.why.startswith(f"both soles reach {100.0 * found.step_share:.0f} %")
+    scaled, told = scale_to_robot(long, WALKER)
+    assert "the walk's velocity to" in told
+    assert fit(scaled, WALKER).step_share == 1.0
+    assert fit(striding(velocity_m_s=0.3), WALKER).step_share == 1.0
+
+
+def test_written_steps_out_of_reach_cannot_be_scaled() -> None:
+    step = WalkStep(side="left", position_m=(0.9, 0.11), yaw_deg=0.0)
+    with pytest.raises(UsageError, match=r"cannot walk: both soles reach \d+ %"):
+        scale_to_robot(striding(step=[step]), WALKER)
+
+
+def test_a_stair_may_be_too_high() -> None:
+    low, high = (
+        striding(step=[WalkStep(side="left", position_m=(0.3, 0.11), rise_m=rise)])
+        for rise in (0.03, 0.3)
+    )
+    assert fit(low, WALKER).step_share == 1.0
+    assert fit(high, WALKER).step_share < 0.9
 
 
 def test_reach_ends_where_the_knee_would_be_straight() -> None:
