@@ -126,7 +126,7 @@ def tune(
         typer.Option(
             "--objectives",
             help="Figures to minimise, comma-separated: com, com-max, force, peak, "
-            "tilt, effort, score (D of COMTEST), margin. The robot must stay up.",
+            "tilt, dcm, effort, score (D of COMTEST), margin. The robot must stay up.",
         ),
     ] = "com,force",
     seeds: Annotated[

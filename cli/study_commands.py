@@ -126,7 +126,7 @@ def parse_vary(text: str) -> list[tuple[str, Any]]:
     Raises:
         UsageError: the text has neither form.
     """
-    from surefoot.schemas.toml_file import parse_override, parse_value
+    from surefoot.schemas.toml_file import parse_value
 
     path, equals, values = text.partition("=")
     path = path.strip()
@@ -137,9 +137,9 @@ def parse_vary(text: str) -> list[tuple[str, Any]]:
         )
     if values.count(":") == 2:
         return [(path, level) for level in _spaced(text, values)]
-    if values.lstrip().startswith("["):
-        return [parse_override(text, option="--vary")]
     what = f"--vary {path}"
+    if values.lstrip().startswith("["):
+        return [(path, each) for each in parse_value(f"[{values}]", what=what)]
     return [(path, parse_value(part, what=what)) for part in values.split(",")]
 
 

@@ -263,6 +263,14 @@ class RecordedMotion(
             return self.drift_hz
         return 0.0 if quantity == "position" else 0.1
 
+    def units_for(self, quantity: Quantity) -> dict[str, float]:
+        """Return the units of a quantity along the axis in SI, the default first."""
+        known = _ANGLES if self.is_rotation else _LENGTHS
+        valid = {f"{name}{_PER[quantity]}": size for name, size in known.items()}
+        if quantity == "acceleration" and not self.is_rotation:
+            valid |= _GRAVITIES
+        return valid
+
     def si_factor(self, units: str | None, quantity: Quantity) -> float:
         """Return the factor that turns a value of the file into SI.
 
@@ -273,10 +281,7 @@ class RecordedMotion(
         Raises:
             ValueError: the units do not fit this quantity along this axis.
         """
-        known = _ANGLES if self.is_rotation else _LENGTHS
-        valid = {f"{name}{_PER[quantity]}": size for name, size in known.items()}
-        if quantity == "acceleration" and not self.is_rotation:
-            valid |= _GRAVITIES
+        valid = self.units_for(quantity)
         factor = valid.get(next(iter(valid)) if units is None else units)
         if factor is None:
             raise ValueError(

@@ -104,7 +104,7 @@ def scenario_paths(scenario: Scenario) -> list[str]:
     motions = (m for each in table["platform"] for m in _horizontal(each))
     if any(motion["kind"] in _TILTING for motion in motions):
         paths.append(_TILT_RATE)
-    return paths
+    return list(dict.fromkeys(paths))
 
 
 def _unknown(path: str, scenario: Scenario, known: list[str]) -> str:

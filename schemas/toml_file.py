@@ -201,8 +201,8 @@ def parse_value(text: str, *, what: str) -> Any:
         if text.strip().replace("-", "").replace("_", "").isalnum():
             return text.strip()
         raise FileFormatError(
-            f"{what}: got {text!r}, expected a number, a text or a list such as "
-            "[0.0, 120.0, 0.0]",
+            f"{what}: got {text!r}, expected a number, a list such as "
+            '[0.0, 120.0, 0.0], or a text such as "/tmp/a.csv", in quotation marks',
             field=what,
         ) from error
 

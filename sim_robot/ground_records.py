@@ -37,6 +37,7 @@ _KNET_HEAD_END = re.compile(r"^Memo\b.*$", re.MULTILINE)
 _IN_BRACKETS = re.compile(r"\s*(\[[^\]]*\]|\([^)]*\))\s*$")
 _STATED_UNIT = re.compile(r"(?:\[([^\]]*)\]|\(([^)]*)\))\s*$")
 _TIME_SUFFIX = re.compile(r"(?:_|,\s*)([a-zµμ]+)\s*$", re.IGNORECASE)
+_TIME_NAME = re.compile(r"(t|times?|timestamp|stamp)([\s_,(\[].*)?", re.IGNORECASE)
 
 
 @dataclass(frozen=True)
@@ -140,7 +141,7 @@ def _peer(motion: RecordedMotion, content: bytes) -> GroundRecord:
     head = "\n".join(lines[:length])
     count, step = _PEER_COUNT.search(head), _PEER_STEP.search(head)
     words = [count and count[1], step and step[1], step and step[2]]
-    if told and (old := _PEER_OLD.match(lines[told[-1]])):
+    if told and count is None and (old := _PEER_OLD.match(lines[told[-1]])):
         words = [old[1], old[2], ""]
     if words[0] is None or words[1] is None:
         raise bad_key(
@@ -230,7 +231,8 @@ def _text(motion: RecordedMotion, content: bytes) -> GroundRecord:
         heading = _with_units(heading)
     if must_fit and len(heading) != len(first):
         heading = []
-    column = _column(motion, heading) if motion.column else 1
+    time = _time_column(motion.file, heading)
+    column = _column(motion, heading) if motion.column else time + 1
     width = max(len(heading) or len(first), column + 1)
     for at, cells in rows:
         if len(cells) > width:
@@ -240,22 +242,61 @@ def _text(motion: RecordedMotion, content: bytes) -> GroundRecord:
                 "decimal commas need semicolons between cells",
             )
         cells.extend([""] * (width - len(cells)))
-    used = [(at, cells[0], cells[column]) for at, cells in rows]
-    if delimiter in ";\t" and any("," in time + value for _, time, value in used):
+    used = [(at, cells[time], cells[column]) for at, cells in rows]
+    if delimiter in ";\t" and any("," in when + value for _, when, value in used):
         number = Numbers(motion.file, decimal_comma=True)
     name = heading[column] if column < len(heading) else f"column {column + 1}"
-    time_name = heading[0] if heading else ""
+    time_name = heading[time] if heading else ""
     per_second = _time_unit(motion.file, time_name)
     table = np.array(
         [
-            (number(time, "time [s]", line=at), number(value, name, line=at))
-            for at, time, value in used
+            (number(when, "time [s]", line=at), number(value, name, line=at))
+            for at, when, value in used
         ],
         dtype=np.float64,
     ).reshape(-1, 2)
-    units = None if (stated := _in_brackets(name)) is None else _plain_units(stated)
+    units = _value_units(name, motion, quantity)
     times = per_second * table[:, 0]
     return GroundRecord(content, quantity, units or None, times, table[:, 1])
+
+
+def _time_column(file: str, heading: list[str]) -> int:
+    """Return the index of the times: the first column, unless another is named so.
+
+    Raises:
+        ScenarioError: the heading does not tell which column it is.
+    """
+    named = [at for at, cell in enumerate(heading) if _TIME_NAME.fullmatch(cell)]
+    if 0 in named or (not named and (not heading or heading[0])):
+        return 0
+    if len(named) == 1:
+        return named[0]
+    raise bad_key(
+        "file",
+        f"{file}: the heading {', '.join(map(repr, heading))} does not tell which "
+        "column has the times; put them first, named 't' or 'time'",
+    )
+
+
+def _value_units(name: str, motion: RecordedMotion, quantity: Quantity) -> str | None:
+    """Return the units of a column as its name says in brackets.
+
+    Raises:
+        ScenarioError: it ends like a unit: `a_g` may be in g, or of the ground.
+    """
+    stated = _in_brackets(name)
+    if stated is not None:
+        return _plain_units(stated)
+    words = re.split(r"_|,\s*", name.strip().lower())[1:]
+    default, *others = motion.units_for(quantity)
+    for units in ("/".join(words[-2:]), *words[-1:]):
+        if units in others and motion.units is None:
+            raise bad_key(
+                "units",
+                f"missing, and {name!r} of {motion.file} may be in {units} or in "
+                f"{default}; say which",
+            )
+    return None
 
 
 def _in_brackets(name: str) -> str | None:

@@ -73,7 +73,9 @@ def read_mcap(
             f"{', '.join(topics) or 'none at all'}",
         )
     stamps = np.array(times, dtype=np.int64)
-    return _NANOSECOND * (stamps - stamps[0]), np.array(values)
+    order = np.argsort(stamps, kind="stable")  # a logger may swap messages
+    stamps = stamps[order]
+    return _NANOSECOND * (stamps - stamps[0]), np.array(values)[order]
 
 
 def _opened(content: bytes) -> tuple[McapReader, list[Channel]]:

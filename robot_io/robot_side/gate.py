@@ -185,6 +185,7 @@ class CommandGate:
         self._before = self._posture
         self._wanted, self._allowed = np.array((posture, posture), dtype=np.float64)
         self._seen_mode, self._mode_since_s = self.modes.mode, 0.0
+        self._now_s = 0.0
         self._sequence = -1
         self._heard_s = 0.0
         self._is_commanded = self._is_first = False
@@ -236,6 +237,7 @@ class CommandGate:
             self.modes.lose(
                 ModeCause.LEASE_EXPIRED, f"{lease.holder} let its lease expire"
             )
+        self._now_s = now_s
         if self.mode is not self._seen_mode:
             self._seen_mode, self._mode_since_s = self.mode, now_s
 
@@ -300,7 +302,9 @@ class CommandGate:
             mode=modes.mode,
             cause=modes.cause,
             detail=modes.detail,
-            since_s=self._mode_since_s,
+            since_s=self._mode_since_s
+            if self.mode is self._seen_mode
+            else self._now_s,  # it changed within this tick
         )
 
     def _why_not_heard(

@@ -21,6 +21,10 @@ Number = float | int | None
 _LINES = ("-", "--", ":", "-.")
 
 
+_FIRST = "type: "
+"""Beginning of each of EUROBENCH's files."""
+
+
 def write_scalar(path: Path, value: Number, *, label: str) -> None:
     """Write one figure.
 
@@ -57,7 +61,8 @@ def _number(value: Number) -> str:
 
 def _write(path: Path, kind: str, label: str, value: str) -> None:
     path.parent.mkdir(parents=True, exist_ok=True)
-    write_whole(path, f"type: {kind}\nlabel: {label}\nvalue: {value}\n".encode())
+    text = f"{_FIRST}{kind}\nlabel: {label}\nvalue: {value}\n"
+    write_whole(path, text.encode())
 
 
 class TextTable(NamedTuple):
@@ -148,7 +153,12 @@ class Findings(ABC, Generic[R]):
             return
         write_json(folder / f"{self.NAME}.json", self.as_dict())
         write_whole(folder / "results.md", self.table().encode())
-        self._write_yaml(folder / "eurobench")
+        eurobench = folder / "eurobench"
+        # Those of another set of sizes would look like results of this one.
+        for old in eurobench.rglob("*.yaml"):
+            if old.read_bytes().startswith(_FIRST.encode()):
+                old.unlink()
+        self._write_yaml(eurobench)
         if can_draw():
             self._write_page(folder)
 

@@ -6,12 +6,14 @@ its code, packages and files, and is refused by name if they differ from those h
 
 from __future__ import annotations
 
+import asyncio
 import logging
 import os
 import re
 import threading
 import time
 from collections.abc import Iterator, Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 from typing import Any
 
@@ -28,7 +30,7 @@ from surefoot.studies.store import (
     inputs_fingerprint,
 )
 
-_ADDRESS = re.compile(r"(tcp|tls|ucx|wss?|inproc)://\S+")
+_ADDRESS = re.compile(r"(tcp|tls|wss?)://\S+:\d+")
 _CONNECT_S = 10.0
 """Time for the scheduler, and then for its first worker, to answer [s]."""
 IDLE_S = 10
@@ -167,11 +169,14 @@ def _client(scheduler: str) -> Iterator[Any]:
         ) from error
     check_address(scheduler)
     try:
+        with ThreadPoolExecutor(1) as beside:  # a notebook's own loop is running here
+            beside.submit(asyncio.run, _greet(scheduler)).result()
         client = Client(scheduler, timeout=_CONNECT_S, set_as_default=False)
-    except (OSError, ValueError) as error:
+    except (OSError, ValueError, TypeError, KeyError) as error:
+        why = str(error) or f"nothing within {_CONNECT_S:g} s"
         raise EnvironmentFailedError(
-            f"--scheduler {scheduler}: no Dask scheduler answers there; start one "
-            "with `dask scheduler`, and give the address that it says, such as "
+            f"--scheduler {scheduler}: no Dask scheduler answers there ({why}); start "
+            "one with `dask scheduler`, and give the address that it says, such as "
             "tcp://head:8786"
         ) from error
     # Its tracebacks add nothing to the errors above.
@@ -183,6 +188,24 @@ def _client(scheduler: str) -> Iterator[Any]:
             yield client
     finally:
         log.setLevel(level)
+
+
+async def _greet(address: str) -> None:
+    """Ask who answers: a client waits for ever for what is no scheduler.
+
+    Raises:
+        OSError: nobody answers in time.
+        TypeError: the address needs certificates that Dask's configuration lacks.
+        ValueError: what answers is no scheduler.
+    """
+    from distributed.core import rpc
+    from distributed.security import Security
+
+    certificates = Security().get_connection_args("client")
+    async with rpc(address, connection_args=certificates) as remote:
+        told = await asyncio.wait_for(remote.identity(), _CONNECT_S)
+    if told["type"] != "Scheduler":
+        raise ValueError(f"a Dask {told['type'].lower()} does")
 
 
 def end_with(parent: int) -> None:

@@ -28,11 +28,13 @@ from surefoot.out_folder import (
     take_away,
     write_json,
 )
+from surefoot.robot_io.errors import RobotFileError
 from surefoot.run_plan import RunPlan
 from surefoot.schemas.result import RunResult
 from surefoot.schemas.scenario import with_recordings
 from surefoot.schemas.toml_file import atomic_file
 from surefoot.sim_robot.catalogue import naming_scenario
+from surefoot.sim_robot.errors import ScenarioError
 from surefoot.sim_robot.recorded import recorded_ground, recorded_track
 from surefoot.stabilizer.factory import CONTROLLERS, find_target
 from surefoot.studies.cell import FIGURES, Row, Work
@@ -184,7 +186,7 @@ class Task(NamedTuple):
         """Run it and return its row: case and figures.
 
         Raises:
-            UsageError: the inputs differ on this machine.
+            UsageError: the inputs differ on this machine, or the run cannot begin.
         """
         plan = self.cell.plan(robot=self.robot, overrides=self.overrides)
         here = inputs_fingerprint(plan)
@@ -194,7 +196,11 @@ class Task(NamedTuple):
                 "are not those that the study began with; a run with them would be "
                 "mixed in. Give this machine the same files, or begin another study"
             )
-        return {"key": self.cell.key, "inputs": here, **self.cell.run(plan)}
+        try:
+            row = self.cell.run(plan)
+        except (RobotFileError, ScenarioError) as error:
+            raise UsageError(f"{self.cell.case}: cannot begin: {error}") from error
+        return {"key": self.cell.key, "inputs": here, **row}
 
 
 class StudyStore:

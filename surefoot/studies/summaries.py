@@ -209,10 +209,11 @@ def value_in_words(path: str) -> str:
     Args:
         path: such as ``platform.0.motion.1.amplitude_deg``.
     """
-    *places, name = path.split(".")
-    bare, unit = split_unit(name)
-    if unit not in ("", "1"):
-        name = f"{bare} [{unit.replace('^2', '²')}]"
+    named = [split_unit(part) for part in path.split(".")]
+    *places, name = (bare for bare, _ in named)
+    units = [unit for _, unit in named if unit not in ("", "1")]
+    if units:
+        name = f"{name} [{units[-1].replace('^2', '²')}]"
     where = " ".join("all" if place == "*" else place for place in places)
     return f"{where}: {name}".removeprefix(": ").replace("_", " ")
 

@@ -36,6 +36,8 @@ from surefoot.tuning.parameters import Parameter, Value, overrides_of, parse_par
 Sampler = Literal["tpe", "nsga2"]
 _STARTUP = 10
 """Number of trials drawn at random before the sampler uses results."""
+_REDRAWN = 1_000_003
+"""Distance of the seeds of a place's values from those that replace them."""
 _POPULATION = 20
 """Population of NSGA-II: a search of gains has hundreds of trials, not thousands."""
 
@@ -129,13 +131,15 @@ class Spec(msgspec.Struct, frozen=True, kw_only=True):
                 "new search in another folder"
             )
 
-    def make_sampler(self, begun: int) -> optuna.samplers.BaseSampler:
+    def make_sampler(self, place: int, redrawn: int) -> optuna.samplers.BaseSampler:
         """Make the sampler of one trial.
 
         Args:
-            begun: number of trials begun before.
+            place: of the trial in the search, from 0.
+            redrawn: how often values of this place were given up, since their trials
+                were lost.
         """
-        seed = self.seed + begun
+        seed = self.seed + place + _REDRAWN * redrawn
         if self.sampler == "nsga2":
             return optuna.samplers.NSGAIISampler(seed=seed, population_size=_POPULATION)
         return optuna.samplers.TPESampler(

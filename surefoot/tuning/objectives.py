@@ -173,7 +173,12 @@ def _extra(name: str) -> Callable[[Row], float | None]:
 
 _ALL = (
     Objective("com", "mm", "CoM error, rms of its length", _norm("com_error_rms_mm")),
-    Objective("com-max", "mm", "largest CoM error", _norm("com_error_max_mm")),
+    Objective(
+        "com-max",
+        "mm",
+        "largest CoM errors along x, y, z, as a length",
+        _norm("com_error_max_mm"),
+    ),
     Objective(
         "force",
         "N",

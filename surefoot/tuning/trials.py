@@ -161,19 +161,27 @@ class Trials:
         with _held(self._folder):
             self._end_lost()
             trials = self._all()
-            if all(t.state is not TrialState.WAITING for t in trials):
+            waiting = [t for t in trials if t.state is TrialState.WAITING]
+            if waiting:
+                place = int(waiting[0].user_attrs[PLACE])
+            else:
                 taken = {
                     t.user_attrs[PLACE]
                     for t in trials
                     if t.state is not TrialState.FAIL
                 }
-                place = next((p for p in range(count) if p not in taken), None)
-                if place is None:
+                free = next((p for p in range(count) if p not in taken), None)
+                if free is None:
                     return None
+                place = free
                 self._enqueue(place)
-            # Each trial has its own random generator: a resumed search, or one with
-            # several workers, draws nothing twice.
-            self.study.sampler = self.spec.make_sampler(len(trials))
+            # Each place has its own random generator: several workers draw nothing
+            # twice, and a search that was interrupted goes on as if it had not been.
+            lost = sum(
+                t.state is TrialState.FAIL and t.user_attrs[PLACE] == place
+                for t in trials
+            )
+            self.study.sampler = self.spec.make_sampler(place, lost // MOST_LOSSES)
             trial = self.study.ask()
             trial.set_user_attr(WORKER, worker)
             return trial, {p.name: p.suggest(trial) for p in self.spec.parameters}

@@ -81,8 +81,8 @@ def tune(
         workers: processes; 0 for one per processor.
         storage: the journal; ``trials.journal`` in ``out`` when None.
         out: folder for settings, page and figures.
-        objectives: of ``com``, ``com-max``, ``force``, ``peak``, ``tilt``, ``effort``,
-            ``score``, ``margin``.
+        objectives: of ``com``, ``com-max``, ``force``, ``peak``, ``tilt``, ``dcm``,
+            ``effort``, ``score``, ``margin``.
         seeds: number of seeds of the sensor noise, from 0 on, or a list of seeds.
         held_out: scenarios only for start and chosen trial, run at the end; those of
             the search with other seeds if none is given.

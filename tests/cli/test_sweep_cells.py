@@ -34,6 +34,8 @@ def test_values_are_a_list_or_evenly_spaced() -> None:
     assert parse_vary("friction=0.4,0.7") == [("friction", 0.4), ("friction", 0.7)]
     spaced = [value for _, value in parse_vary("friction=0.4:1.0:4")]
     assert spaced == pytest.approx([0.4, 0.6, 0.8, 1.0])
+    lists = parse_vary("sensors.gyro_bias_rad_s=[0, 0, 1e-3], [0, 2e-3, 0]")
+    assert [value for _, value in lists] == [[0, 0, 1e-3], [0, 2e-3, 0]]
 
 
 @pytest.mark.parametrize(

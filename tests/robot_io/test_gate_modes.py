@@ -62,6 +62,18 @@ def test_releasing_holds_and_lets_the_next_one_in() -> None:
     assert at_tick(gate, 4, commander="bob", sequence=0).accepted
 
 
+def test_a_mode_is_reported_from_the_tick_in_which_it_began() -> None:
+    gate = active_gate()
+    at_tick(gate, 7)
+    assert gate.request("hold", "ann", now_s=7.0 * PERIOD_S).accepted
+    reports = [gate.report()]
+    gate.begin_tick(now_s=8.0 * PERIOD_S)
+    reports.append(gate.report())
+    assert [report.mode for report in reports] == [RobotMode.HOLD, RobotMode.HOLD]
+    assert reports[0].since_s == pytest.approx(7.0 * PERIOD_S)
+    assert reports[1].since_s == pytest.approx(7.0 * PERIOD_S, abs=1.1 * PERIOD_S)
+
+
 def test_a_silent_commander_loses_the_lease() -> None:
     gate = CommandGate(WALKER, WALKER.nominal)
     gate.request("take", "ann", now_s=0.0)

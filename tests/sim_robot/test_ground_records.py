@@ -5,6 +5,7 @@ from __future__ import annotations
 import io
 import json
 import math
+import re
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -103,6 +104,8 @@ COMMAS = "0,1,-1\n1,2,-2\n2,3,-3\n3,4,-4\n"
         ("# by hand\nt,a,b\n0,.5,\n1,1,2\n2,1.5,\n3,2,\n", "a", None),
         ("0;0,5;\n1;1;\n2;1,5;\n3;2;\n", "", None),
         ("0, 0.5,\n1, 1.0,\n2, 1.5,\n\n3, 2.0,\n", "", None),
+        (",t,a\n0,0,.5\n1,1,1\n2,2,1.5\n3,3,2\n", "a", None),
+        ("n;time_s;a\n0;0;,5\n1;1;1\n2;2;1,5\n3;3;2\n", "", None),
         ('# "remark\n0.5,0.5\r\n1,1\r\n1.5,1.5\r\n2,2\r\n', "", None),
     ],
 )
@@ -120,7 +123,8 @@ def test_columns_are_those_the_heading_names(
         ("time_ms,a (cm/s^2)", 1e-3, "cm/s2"),
         ('"Time, us","a [m/s²]"', 1e-6, "m/s2"),
         ("# Time (s) a [mm/s/s]", 1.0, "mm/s2"),
-        ("t_rel,a_g", 1.0, None),
+        ("t_rel,a_m_s2", 1.0, None),
+        ("t_rel,a_rel", 1.0, None),
         ("t,a []", 1.0, None),
     ],
 )
@@ -132,6 +136,28 @@ def test_units_that_a_heading_states_are_those_of_the_record(
     record = _read(tmp_path / "a.csv", f"{heading}\n{rows}")
     assert record.times.tolist() == [per_second * at for at in range(4)]
     assert record.units == units
+
+
+@pytest.mark.parametrize(
+    ("heading", "words"),
+    [
+        (",a,b", "does not tell which column has the times"),
+        ("n,t,time", "does not tell which column has the times"),
+        ("t,acc_g", r"units: missing, .*'acc_g' .* in g or"),
+        ('t,"a, cm_s2"', r"units: missing, .* in cm/s2"),
+    ],
+)
+def test_a_heading_that_may_mean_two_things_is_refused(
+    tmp_path: Path, heading: str, words: str
+) -> None:
+    rows = "".join(f"{at},{at * at},1\n" for at in range(4))
+    if heading.count(",") == 1 or '"' in heading:
+        rows = rows.replace(",1\n", "\n")
+    _refused(tmp_path / "a.csv", f"{heading}\n{rows}", words)
+    if "units" in words:
+        assert (
+            _read(tmp_path / "a.csv", f"{heading}\n{rows}", units="m/s2").units is None
+        )
 
 
 def test_units_that_nobody_knows_are_refused(tmp_path: Path) -> None:
@@ -205,9 +231,12 @@ def test_peers_step_and_touching_fields(
     tmp_path: Path, step: str, step_s: float
 ) -> None:
     body = "-1.234E-01-5.678E-02\n 1.0D-2\n.5-.25"
-    record = _read(tmp_path / "a.AT2", _peer(step=step, count="5") + body)
-    assert record.values.tolist() == [-0.1234, -0.05678, 0.01, 0.5, -0.25]
-    assert record.times[1] == pytest.approx(step_s)
+    head = _peer(step=step, count="5")
+    turned = re.sub(r"(NPTS=.*?), (DT=.*)", r"\2, \1", head)
+    for text in (head + body, turned + body):
+        record = _read(tmp_path / "a.AT2", text)
+        assert record.values.tolist() == [-0.1234, -0.05678, 0.01, 0.5, -0.25]
+        assert record.times[1] == pytest.approx(step_s)
 
 
 @pytest.mark.parametrize(
@@ -306,10 +335,12 @@ def test_messages_count_from_when_they_were_measured(
         encode({"a": [-1.0, float(index)], **stamp(5 * 10**9 + 10**7 * index)})
         for index in range(4)
     ]
-    content = _mcap(messages, encoding=encoding)
-    record = _read(tmp_path / "a.mcap", content, channel="/imu", field="a.1")
-    assert record.times == pytest.approx([0.0, 0.01, 0.02, 0.03])
-    assert record.values.tolist() == [0.0, 1.0, 2.0, 3.0]
+    swapped = [messages[index] for index in (0, 2, 1, 3)]  # by the logger
+    for each in (messages, swapped):
+        content = _mcap(each, encoding=encoding)
+        record = _read(tmp_path / "a.mcap", content, channel="/imu", field="a.1")
+        assert record.times == pytest.approx([0.0, 0.01, 0.02, 0.03])
+        assert record.values.tolist() == [0.0, 1.0, 2.0, 3.0]
 
 
 GOOD = [b'{"a": 1}'] * 50

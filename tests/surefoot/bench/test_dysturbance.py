@@ -51,11 +51,18 @@ def test_a_margin_is_found_kept_and_put_in_proportion(tmp_path: Path) -> None:
     assert (told["body"], told["settings"]) == ("torso", {})
     assert "torso" in (out / "index.html").read_text()
 
+    # Files of another set of sizes go, what is not ours stays.
+    old, own = out / "eurobench" / "old.yaml", out / "eurobench" / "mine.yaml"
+    old.write_bytes(margin.read_bytes())
+    own.write_text("mine: 1\n")
     rows = (out / RUNS).read_bytes()
     assert rows.count(b"\n") == result.runs
     again = measure(out)
     assert (out / RUNS).read_bytes() == rows
     assert again.as_dict() == found.as_dict()
+    assert own.is_file()
+    assert margin.is_file()
+    assert not old.exists()
 
 
 @pytest.mark.parametrize(

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import signal
+import socket
 import subprocess
 import sys
 from collections.abc import Iterator
@@ -120,9 +121,26 @@ def test_scheduler_without_workers_and_no_scheduler_say_so(
     tasks = tasks_of(cells(tmp_path, 1), robot="walker", overrides=())
     with pytest.raises(EnvironmentFailedError, match="dask worker"):
         list(run_tasks(tasks, scheduler=scheduler))
-    nobody = f"tcp://127.0.0.1:{free_port()}"
-    with pytest.raises(EnvironmentFailedError, match="no Dask scheduler answers"):
-        list(run_tasks(tasks, scheduler=nobody))
+    nobody, locked = f"127.0.0.1:{free_port()}", scheduler.removeprefix("tcp://")
+    with socket.create_server(("127.0.0.1", 0)) as silent:
+        host, port = silent.getsockname()
+        for address in (f"tcp://{nobody}", f"tls://{locked}", f"tcp://{host}:{port}"):
+            with pytest.raises(EnvironmentFailedError, match="no Dask scheduler answ"):
+                list(run_tasks(tasks, scheduler=address))
+    for words in ("tcp://127.0.0.1", "tcp://127.0.0.1:abc", f"ucx://{nobody}"):
+        with pytest.raises(UsageError, match="expected the address"):
+            list(run_tasks(tasks, scheduler=words))
+
+
+def test_a_run_that_cannot_begin_is_named(tmp_path: Path) -> None:
+    scenario = tmp_path / "step.toml"
+    tile = "[[tile]]\ncenter_m = [0.0, 0.11]\nsize_m = [0.4, 0.2]\n"
+    scenario.write_text('name = "step"\nduration_s = 0.1\n' + tile)
+    values = (("tile.0.height_m", -0.3),)
+    cell = Cell(Group(str(scenario), values, "hold", "ideal"), 0)
+    tasks = tasks_of([cell], robot="walker", overrides=())
+    with pytest.raises(UsageError, match=r"height_m -0\.3\): cannot begin: walk"):
+        list(run_tasks(tasks, jobs=1))
 
 
 @pytest.mark.slow

@@ -98,6 +98,8 @@ def test_plots_keep_apart_what_only_folders_tell_apart(tmp_path: Path) -> None:
         ("push.0.impulse_n_s", "push 0: impulse [N s]"),
         ("tilt_rate_deg_s", "tilt rate [deg/s]"),
         ("sensors.accel_noise_m_s2", "sensors: accel noise [m/s²]"),
+        ("delay.sensor_ms.imu", "delay sensor: imu [ms]"),
+        ("sensors.force_bias_n.left.2", "sensors force bias left: 2 [N]"),
         ("friction", "friction"),
     ],
 )
