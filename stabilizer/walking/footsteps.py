@@ -297,9 +297,9 @@ def swing_time(
     up, speed = settings.apex_part, leg_speed.travel
     rise_s = QUINTIC_PEAK * (lift + max(climb, 0.0)) / (up * LIFT_SHARE * speed)
     fall_s = QUINTIC_PEAK * (lift - min(climb, 0.0)) / (LIFT_SHARE * speed)
-    glide = GLIDE_PEAK / (ends - begins)
-    travel_s = way * (glide / (FOOT_SHARE * speed))
-    turn_s = abs(turn) * (glide / (TURN_SHARE * leg_speed.turn))
+    part = ends - begins
+    travel_s = way * (GLIDE_PEAK / (part * FOOT_SHARE * speed))
+    turn_s = abs(turn) * (GLIDE_PEAK / (part * TURN_SHARE * leg_speed.turn))
     return max(travel_s, turn_s, rise_s, fall_s / (1.0 - up))
 
 
