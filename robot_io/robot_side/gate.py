@@ -321,7 +321,7 @@ class CommandGate:
             return self.refuse(Refusal.SEQUENCE, detail)
         self._sequence = command.sequence
         if not self._listens():
-            return self.refuse(Refusal.MODE, f"the robot is {self.mode}")
+            return self.refuse(Refusal.MODE, f"the robot is in mode {self.mode}")
         age = tick - command.tick
         if not 0 <= age <= self._oldest:
             refusal = Refusal.LATE if age > 0 else Refusal.FUTURE

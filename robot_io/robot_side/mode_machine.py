@@ -182,7 +182,7 @@ class ModeMachine:
                 self._set(RobotMode.HOLD, ModeCause.RESET, f"reset by {who}")
                 return DONE
             case "reset":
-                why = f"no fault to reset, the robot is {self.mode}"
+                why = f"no fault to reset, the robot is in mode {self.mode}"
                 return self.decline(RequestRefusal.NO_FAULT, why)
             case "enable" | "hold" | "disable":
                 return self._change(action, who)

@@ -117,8 +117,8 @@ class LoopMargins(msgspec.Struct, frozen=True, kw_only=True):
         return [
             f"least gain margin {least}"
             + ("" if self.is_enough else f", less than the {ENOUGH_DB:g} dB to have"),
-            f"all axes at once, each another: {disk} or {self.disk_phase_deg:.0f} deg "
-            f"(disk margin {self.disk:.2f})",
+            f"all axes off at once, each in its own way: {disk} or "
+            f"{self.disk_phase_deg:.0f} deg (disk margin {self.disk:.2f})",
             f"bears a loop delay of {self.loop_delay_ms:g} ms, and trains of "
             f"{self.missed_ticks} missed ticks",
         ]
