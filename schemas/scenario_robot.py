@@ -10,6 +10,7 @@ from surefoot.schemas.arrays import Floats3, Pair
 from surefoot.schemas.robot_file import NonNegative, Positive, Side
 from surefoot.schemas.toml_file import FileStruct
 
+DelayMs = Annotated[float, msgspec.Meta(ge=0.0, le=1000.0)]
 PerJoint = NonNegative | dict[str, NonNegative]
 """One number for all joints, or by joint."""
 
@@ -169,11 +170,11 @@ class ScaleSides(FileStruct, frozen=True, kw_only=True):
 class SensorDelays(FileStruct, frozen=True, kw_only=True):
     """A delay for each kind of sensor [ms]."""
 
-    imu: NonNegative = 0.0
+    imu: DelayMs = 0.0
     """Delay of the IMU."""
-    force_torque: NonNegative = 0.0
+    force_torque: DelayMs = 0.0
     """Delay of both ankle sensors."""
-    joints: NonNegative = 0.0
+    joints: DelayMs = 0.0
     """Delay of positions, velocities and efforts."""
 
 
@@ -247,13 +248,13 @@ class Sensors(FileStruct, frozen=True, kw_only=True):
 class Delay(FileStruct, frozen=True, kw_only=True):
     """Transport delays, in whole ticks of the robot."""
 
-    sensor_ms: NonNegative | SensorDelays = 0.0
+    sensor_ms: DelayMs | SensorDelays = 0.0
     """Delay from measuring to sending: one number for all sensors, or ``{ imu = ...,
     force_torque = ..., joints = ... }``."""
-    jitter_ms: NonNegative = 0.0
+    jitter_ms: DelayMs = 0.0
     """Largest additional random delay of each kind of sensor, evenly distributed; a
     reading never overtakes an earlier one."""
-    command_ms: NonNegative | None = None
+    command_ms: DelayMs | None = None
     """Delay from a tick's sensors to the servos; absent: one tick of the robot."""
 
     def of(self, kind: str) -> float:

@@ -29,6 +29,8 @@ MOST_TICKS = 100
 _WALKS = ("whole-body", "zmp")
 """Controllers that take steps, each with the same limits."""
 _WHOLE = 1e-6
+_LONGER = 1.25
+"""Time of a step over the time asked for, above which a walk is called slow [1]."""
 _OF_A_TICK = 0.01
 """Largest error of a delay, in ticks; a delay printed with four digits has one."""
 
@@ -158,14 +160,19 @@ def loop_notice(plan: RunPlan) -> str:
             "delay, jitter), for which the feet are made softer by themselves; with "
             "play, a payload or offsets besides it may then fall on fast ground"
         )
-    limit_s = plan.robot.file.gate.max_loop_delay_s
-    if limit_s is not None and command_ms > MS_PER_S * limit_s + _WHOLE:
-        limit_ms = MS_PER_S * limit_s
-        enough_s = (command_ms + 0.5 * tick_ms) / MS_PER_S
+    gate, enough_s = plan.robot.file.gate, (command_ms + 0.5 * tick_ms) / MS_PER_S
+    limits = {
+        name: MS_PER_S * limit_s
+        for name in ("max_loop_delay_s", "max_command_age_s")
+        if (limit_s := getattr(gate, name)) is not None
+        and command_ms > MS_PER_S * limit_s + _WHOLE
+    }
+    if limits:
+        changed = " and ".join(f"gate.{name} = {enough_s:g}" for name in limits)
         said.append(
-            f"the robot's gate ends a run whose commands are over {limit_ms:g} ms "
-            "late, whatever the gains; a copy of the robot file with "
-            f"gate.max_loop_delay_s = {enough_s:g} does not"
+            f"the robot's gate ends a run whose commands are over "
+            f"{min(limits.values()):g} ms late, whatever the gains; a copy of the "
+            f"robot file with {changed} does not"
         )
     if not said:
         return ""
@@ -187,16 +194,26 @@ def walk_notice(plan: RunPlan) -> str:
             f"no step will be taken: from {begin_s:g} s on ([walk] start_s) there is "
             f"no time for one in the {duration_s:g} s of the run (duration_s)"
         )
-    why, taken_s = foretold(walk, robot, plan.settings.walk)
-    if why:
-        return f"no step will be taken: {why}; change [walk], slower or shorter steps"
-    if begin_s + taken_s > duration_s:
+    coming = foretold(walk, robot, plan.settings.walk)
+    if coming.why:
         return (
+            f"no step will be taken: {coming.why}; change [walk], slower or shorter "
+            "steps"
+        )
+    said = []
+    if coming.longer > _LONGER:
+        said.append(
+            f"the legs need {coming.longer:.1f} times as long for a step as asked "
+            "(velocity_limit_rad_s of the drives, hips and knees), so the robot walks "
+            "or turns that much more slowly; shorter or lower steps are quicker"
+        )
+    if begin_s + coming.taken_s > duration_s:
+        said.append(
             f"the walk will not end: its steps ({len(walk.steps)}) take until "
-            f"{begin_s + taken_s:.1f} s at least, and the run {duration_s:g} s "
+            f"{begin_s + coming.taken_s:.1f} s at least, and the run {duration_s:g} s "
             "(duration_s)"
         )
-    return ""
+    return ". And ".join(said)
 
 
 def late_notice(scenario: Scenario) -> str:

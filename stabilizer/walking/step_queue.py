@@ -7,6 +7,7 @@ import math
 from collections import deque
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 from surefoot.robot_io.robot import Robot
 from surefoot.schemas.settings import WalkSettings
@@ -312,18 +313,28 @@ def nearest_of(model: RobotModel, settings: WalkSettings) -> float:
     return sum(width for _, width in model.half_sizes) + settings.between_soles_m
 
 
-def foretold(plan: WalkPlan, robot: Robot, settings: WalkSettings) -> tuple[str, float]:
+class Foretold(NamedTuple):
+    """How a plan will go.
+
+    Attributes:
+        why: why it will be refused, in words; empty if accepted.
+        taken_s: least time that it takes, including the step that brings the feet
+            together and both shifts of the weight [s].
+        longer: longest time that a step needs, over the time planned for it [1].
+    """
+
+    why: str
+    taken_s: float
+    longer: float
+
+
+def foretold(plan: WalkPlan, robot: Robot, settings: WalkSettings) -> Foretold:
     """Predict how a plan goes for a robot that stands.
 
     Args:
         plan: the plan.
         robot: the robot that would walk.
         settings: of walking.
-
-    Returns:
-        Why the plan will be refused, in words, empty if accepted; and the least time
-        that it takes [s], including the step that brings the feet together and both
-        shifts of the weight.
     """
     model = RobotModel(robot)
     stance = standing(model)
@@ -337,7 +348,14 @@ def foretold(plan: WalkPlan, robot: Robot, settings: WalkSettings) -> tuple[str,
     taken_s = sum(move.single_s + move.double_s for move in moves[:-1])
     if moves:
         taken_s += settings.shift_s + moves[-1].single_s + settings.settle_s
-    return why, taken_s
+    longer = max(
+        (
+            (move.single_s + move.double_s) / (step.single_s + step.double_s)
+            for move, step in zip(moves, plan.steps, strict=False)
+        ),
+        default=1.0,
+    )
+    return Foretold(why, taken_s, longer)
 
 
 def _overlap(

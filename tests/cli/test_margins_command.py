@@ -77,7 +77,10 @@ def test_a_gate_that_would_end_the_run_is_told_whatever_the_gains(
         said = loop_notice(plan)
         assert "sway" not in said
         assert "gate ends a run whose commands are over 3.5 ms late" in said
-    assert "gate.max_loop_delay_s = 0.0045" in said
+    assert "gate.max_loop_delay_s = 0.0045 does not" in said
+    later = Scenario(name="late", duration_s=1.0, delay=Delay(command_ms=9.0))
+    said = loop_notice(make_plan(later, settings={"dik.loop_delay_s": 0.009}))
+    assert "max_loop_delay_s = 0.0095 and gate.max_command_age_s = 0.0095" in said
     file = find_robot("walker")
     text = file.read_text()
     text = text.replace("max_loop_delay_s = 0.0035", "max_loop_delay_s = 0.0045")

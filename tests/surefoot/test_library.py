@@ -7,6 +7,7 @@ import json
 import re
 import subprocess
 import sys
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -21,7 +22,7 @@ from surefoot.run_plan import make_plan
 from surefoot.schemas.scenario import scenario_from_table
 from surefoot.schemas.toml_file import struct_table, toml_text
 from tests.command import Surefoot
-from tests.support import ROLLING
+from tests.support import ROLLING, with_speeds
 
 
 @pytest.fixture(scope="module")
@@ -164,12 +165,14 @@ def test_every_public_name_is_there_and_documented() -> None:
 
 QUICK = """
 import sys
+from dataclasses import replace
 import surefoot
 heavy = {"mujoco", "pinocchio", "zenoh", "numpy", "typer", "rich", "matplotlib"}
 assert not heavy & set(sys.modules), heavy & set(sys.modules)
 """
 A_RUN = """
 import sys
+from dataclasses import replace
 import surefoot as sf
 import surefoot.sim_robot.robot_loop
 import surefoot.stabilizer.node
@@ -180,6 +183,7 @@ assert not loaded, loaded
 """
 NO_EXTRAS = """
 import sys
+from dataclasses import replace
 for name in ("matplotlib", "jinja2", "viser", "yourdfpy", "plotly", "pyarrow"):
     sys.modules[name] = None
 import surefoot as sf
@@ -230,6 +234,17 @@ def test_what_of_a_walk_will_not_be_walked_is_told_beforehand(
     found = walk_notice(make_plan(scenario))
     assert said in found if said else not found
     assert not walk_notice(make_plan(scenario, controller="hold"))
+
+
+def test_legs_slower_than_the_steps_asked_for_are_told_beforehand() -> None:
+    quick = {"velocity_m_s": 0.12, "yaw_rate_deg_s": 17.2}
+    scenario = scenario_from_table(
+        {"name": "walk", "duration_s": 20.0, "walk": quick}, source="test"
+    )
+    plan = make_plan(scenario)
+    assert not walk_notice(plan)
+    slow = replace(plan, robot=with_speeds(plan.robot, 0.32, only="hip_yaw"))
+    assert "the legs need 2." in walk_notice(slow)
 
 
 def test_what_of_a_scenario_begins_after_its_end_is_told_beforehand() -> None:
