@@ -202,7 +202,7 @@ def parse_value(text: str, *, what: str) -> Any:
             return text.strip()
         raise FileFormatError(
             f"{what}: got {text!r}, expected a number, a list such as "
-            '[0.0, 120.0, 0.0], or a text such as "/tmp/a.csv", in quotation marks',
+            '[0.0, 120.0, 0.0], or a text such as "a.csv", in quotation marks',
             field=what,
         ) from error
 
