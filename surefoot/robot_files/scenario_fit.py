@@ -112,8 +112,8 @@ def scale_to_robot(scenario: Scenario, robot: Robot) -> tuple[Scenario, str]:
     """Scale a scenario down where a robot cannot reach it.
 
     All motions of the ground are scaled by one factor, also those along x and y. Rates
-    and frequencies stay. Pushes beyond the capture limit are scaled by another factor,
-    and the velocity of a walk whose steps are too long by a third.
+    and frequencies stay. Pushes beyond the capture limit have a factor of their own; so
+    has the velocity of a walk whose steps are too long.
 
     Returns:
         The scenario, and in words what was done; unchanged and no words if it fits.
