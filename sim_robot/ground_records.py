@@ -37,7 +37,9 @@ _KNET_HEAD_END = re.compile(r"^Memo\b.*$", re.MULTILINE)
 _IN_BRACKETS = re.compile(r"\s*(\[[^\]]*\]|\([^)]*\))\s*$")
 _STATED_UNIT = re.compile(r"(?:\[([^\]]*)\]|\(([^)]*)\))\s*$")
 _TIME_SUFFIX = re.compile(r"(?:_|,\s*)([a-zµμ]+)\s*$", re.IGNORECASE)
-_TIME_NAME = re.compile(r"(t|times?|timestamp|stamp)([\s_,(\[].*)?", re.IGNORECASE)
+_TIME_NAME = re.compile(
+    r"(t|times?|timestamp|stamp|s|secs?|seconds?|elapsed)([\s_,(\[].*)?", re.IGNORECASE
+)
 
 
 @dataclass(frozen=True)
