@@ -32,8 +32,7 @@ from surefoot.robot_io.realtime import quiet_interpreter
 from surefoot.robot_io.urdf_check import without_shapes
 from surefoot.schemas.settings import ControllerSettings
 from surefoot.simulation import Simulation
-from surefoot.stabilizer.errors import QpStatus
-from surefoot.stabilizer.qp import DenseQp
+from surefoot.stabilizer.qp import DenseQp, QpStatus
 from surefoot.stabilizer.whole_body.controller import WholeBodyController
 
 HERE = Path(__file__).parent

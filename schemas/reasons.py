@@ -103,7 +103,8 @@ class SensorTrouble(StrEnum):
     OVERLOADED = "overloaded"
     """A foot's force is as large as an impact, but lasts longer than one."""
     INCONSISTENT = "inconsistent"
-    """The IMU's gyroscope and its own attitude tell different motions."""
+    """The IMU's gyroscope and its own attitude tell different motions, or a foot's
+    wrench suddenly presses outside of its sole."""
     OFFSET = "offset"
     """A foot's force along the sole is felt by no joint; it is subtracted."""
 

@@ -129,6 +129,9 @@ class SafetySettings(FileStruct, frozen=True, kw_only=True):
     the robot's weight, which a foot may be asked to carry [N]."""
     overload_after_s: Positive = 0.03
     """Time of overload after which the sensor is lost; impacts are shorter [s]."""
+    sole_margin_m: Positive = 0.02
+    """Distance outside of a sole at which its pressure, moments by normal force, is
+    impossible; for less than half of the weight as for half of it [m]."""
     gyro_range_rad_s: Positive = 35.0
     """Largest rate of turn the IMU can report, each axis [rad/s]."""
     accel_range_m_s2: Positive = 300.0

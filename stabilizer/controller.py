@@ -19,11 +19,10 @@ from surefoot.schemas.arrays import Array, Vec3
 from surefoot.schemas.messages import Reference
 from surefoot.schemas.settings import ControllerSettings
 from surefoot.schemas.walk_plan import WalkPlan
-from surefoot.stabilizer.errors import ControllerError, QpStatus
+from surefoot.stabilizer.qp import QpData, QpSolution, QpStatus
 
 if TYPE_CHECKING:
     from surefoot.stabilizer.estimation.observer import ObservedState, Observer
-    from surefoot.stabilizer.qp import QpData, QpSolution
     from surefoot.stabilizer.walking.feet import WalkState
 
 OPTIONAL = ("pass_over", "retune", "degrade", "undo_overload")
@@ -35,6 +34,10 @@ jerk a robot whose drives follow at once."""
 MOST_OWED_S = 0.01
 """Longest missed motion that is made up for [s]; after longer ones the feet tell where
 to go."""
+
+
+class ControllerError(ValueError):
+    """A controller cannot be found or made, or breaks the controller protocol."""
 
 
 @dataclass(slots=True)

@@ -24,8 +24,11 @@ from surefoot.schemas.settings import (
     setting_names,
 )
 from surefoot.schemas.validation import nearest
-from surefoot.stabilizer.controller import Controller, ForeignController
-from surefoot.stabilizer.errors import ControllerError
+from surefoot.stabilizer.controller import (
+    Controller,
+    ControllerError,
+    ForeignController,
+)
 
 CONTROLLERS = ("whole-body", "zmp", "hold")
 """Names of the shipped controllers."""

@@ -12,6 +12,7 @@ meet the same optimality conditions, which :meth:`QpSolution.residuals` measures
 from __future__ import annotations
 
 from dataclasses import asdict, dataclass
+from enum import StrEnum
 from pathlib import Path
 from typing import NamedTuple, Protocol
 
@@ -21,11 +22,37 @@ from scipy.linalg import lapack
 
 from surefoot.schemas.arrays import Array, Mat
 from surefoot.schemas.toml_file import atomic_file
-from surefoot.stabilizer.errors import QpStatus
 
 _NOTHING: Array = np.zeros(0)
 FEASIBILITY_TOLERANCE = 1e-9
 """Largest violation with which the unconstrained minimum counts as feasible."""
+
+
+class QpStatus(StrEnum):
+    """Outcome of a QP."""
+
+    OK = "ok"
+    """Solved."""
+    NOT_TRIED = "not tried"
+    """Not tried, since an earlier step failed."""
+    SENSORS_NOT_FINITE = "sensors not finite"
+    """Not tried, since a sensor reading was not finite."""
+    NO_CONTACT = "no contact"
+    """No foot stands, so there are no contact wrenches."""
+    SINGULAR_CONTACT = "singular contact"
+    """The standing feet cannot move independently of each other."""
+    NOT_FINITE = "not finite"
+    """The problem contains numbers that are not finite."""
+    PRIMAL_INFEASIBLE = "primal infeasible"
+    """Its limits contradict each other."""
+    DUAL_INFEASIBLE = "dual infeasible"
+    """Its cost has no lower bound."""
+    ITERATION_LIMIT = "iteration limit reached"
+    """The solver gave up before it converged."""
+    NUMERICS = "numerical trouble"
+    """The solver's own factorisation failed."""
+    UNSOLVED = "unsolved"
+    """The solver did not say why."""
 
 
 class QpResiduals(NamedTuple):

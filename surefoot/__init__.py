@@ -48,8 +48,7 @@ _HOMES = {
     "schemas.settings": ("ControllerSettings",),
     "sim_robot.catalogue": ("list_scenarios", "load_scenario"),
     "sim_robot.errors": ("ScenarioError",),
-    "stabilizer.controller": ("Controller", "ControllerOutput"),
-    "stabilizer.errors": ("ControllerError",),
+    "stabilizer.controller": ("Controller", "ControllerError", "ControllerOutput"),
     "errors": (
         *("SurefootError", "UsageError", "EnvironmentFailedError"),
         *("ChildFailedError", "RunInterrupted", "TuneInterrupted"),
@@ -150,10 +149,10 @@ if TYPE_CHECKING:
     from surefoot.sim_robot.errors import ScenarioError as ScenarioError
     from surefoot.simulation import Simulation as Simulation
     from surefoot.stabilizer.controller import Controller as Controller
+    from surefoot.stabilizer.controller import ControllerError as ControllerError
     from surefoot.stabilizer.controller import (
         ControllerOutput as ControllerOutput,
     )
-    from surefoot.stabilizer.errors import ControllerError as ControllerError
     from surefoot.stabilizer.margins.margins import AxisMargin as AxisMargin
     from surefoot.stabilizer.margins.margins import LoopMargins as LoopMargins
     from surefoot.studies.study import Study as Study

@@ -125,7 +125,7 @@ def exit_code_of(error: BaseException) -> ExitCode | None:
     )
     from surefoot.schemas.errors import SchemaError
     from surefoot.sim_robot.errors import ScenarioError, SimulationError
-    from surefoot.stabilizer.errors import ControllerError
+    from surefoot.stabilizer.controller import ControllerError
 
     if isinstance(error, ChildFailedError):
         return ExitCode(error.exit_code)

@@ -34,9 +34,8 @@ from surefoot.stabilizer.control.tasks import (
     weight_roots,
 )
 from surefoot.stabilizer.dynamics import Dynamics
-from surefoot.stabilizer.errors import QpStatus
 from surefoot.stabilizer.model import GRAVITY, N_BASE_V, RobotModel
-from surefoot.stabilizer.qp import DenseQp, PiqpSolver, QpSolution, QpSolver
+from surefoot.stabilizer.qp import DenseQp, PiqpSolver, QpSolution, QpSolver, QpStatus
 
 ROWS_PER_FOOT = 12
 

@@ -1,4 +1,4 @@
-"""Health of each sensor: missing, not finite, out of range, jumping, frozen.
+"""Health of each sensor: missing, not finite, out of range, jumping, frozen, and so on.
 
 Stands between snapshot and observer. An impossible reading is replaced by the last good
 one for a few milliseconds; then the sensor is lost. Pure: the same snapshots give the
@@ -22,6 +22,7 @@ from surefoot.schemas.arrays import Array
 from surefoot.schemas.reasons import SensorTrouble, plain
 from surefoot.schemas.sensors import SENSORS, Loss, Reach, ankle_sensor
 from surefoot.schemas.settings import SafetySettings
+from surefoot.stabilizer.safety.consistency import NEITHER, SoleCheck
 
 FRESH: Ages = (0,) * len(SENSORS)
 REQUIRED = tuple(i for i, entry in enumerate(SENSORS) if entry.loss is Loss.HOLD)
@@ -43,13 +44,6 @@ STUCK_TIMES: Final = 5.0
 while its sensor's others move. A coarse reading may repeat for a while."""
 OVERLOAD_WEIGHTS: Final = 2.0
 """Load a foot may be asked to carry, as in every step of a heavy robot [weights]."""
-
-TURN_MEMORY_S: Final = 0.5
-"""Time over which gyroscope and attitude are compared [s]."""
-TURN_SHARE: Final = 0.1
-"""Part of the angle turned in that time by which they may differ as well [1]."""
-TURN_LEARNT_S: Final = 0.3
-"""Time after the start in which their usual difference, a bias, is learnt [s]."""
 
 
 class SensorLimits:
@@ -201,7 +195,12 @@ class SensorHealth:
     """
 
     def __init__(
-        self, robot: Robot, settings: SafetySettings, *, weight: float = 0.0
+        self,
+        robot: Robot,
+        settings: SafetySettings,
+        *,
+        weight: float = 0.0,
+        soles: SoleCheck | None = None,
     ) -> None:
         """Trust every sensor at first.
 
@@ -209,6 +208,7 @@ class SensorHealth:
             robot: the robot with the sensors.
             settings: limits and times.
             weight: weight of the robot [N].
+            soles: tells pressure outside of a sole; absent, any moment is believed.
         """
         self.lost: list[SensorTrouble | None] = [None] * len(SENSORS)
         self.overload_ticks = (0, 0)
@@ -218,6 +218,8 @@ class SensorHealth:
         self._overload = max(settings.overload_n, OVERLOAD_WEIGHTS * weight) ** 2
         self._recover = round(settings.recover_s / robot.period_s)
         self._limits = SensorLimits(robot, settings)
+        self._soles = soles
+        self._outside = self._doubted = NEITHER
         is_virtual = robot.file.virtual_ft is not None
         ankles = [SENSORS[index].name for index in (LEFT_FT, RIGHT_FT)]
         self._virtual = dict.fromkeys(ankles, " (virtual)") if is_virtual else {}
@@ -270,6 +272,8 @@ class SensorHealth:
         is_within = limits.measure(snapshot)
         before = self._sums
         self._sums = sums = limits.sums()
+        if self._soles is not None:
+            self._outside = self._soles.outside(snapshot, self._doubted)
         is_well = (
             self._is_calm
             and is_within
@@ -277,6 +281,7 @@ class SensorHealth:
             and not any(map(eq, sums, before))
             and sums[LEFT_FT] <= self._overload
             and sums[RIGHT_FT] <= self._overload
+            and self._outside == NEITHER
         )
         if is_well:
             if limits.count_moves(EVERY):
@@ -315,6 +320,10 @@ class SensorHealth:
             if trouble:
                 for name in SENSORS[index].fields:
                     mended[name] = getattr(good, name)
+        self._doubted = (
+            self.lost[LEFT_FT] is SensorTrouble.INCONSISTENT,
+            self.lost[RIGHT_FT] is SensorTrouble.INCONSISTENT,
+        )
         self.overload_ticks = (self._overloaded[LEFT_FT], self._overloaded[RIGHT_FT])
         self._is_calm = not (
             any(self._troubled)
@@ -360,79 +369,12 @@ class SensorHealth:
             return SensorTrouble.FROZEN
         if self._overloaded[index] > self._overload_after:
             return SensorTrouble.OVERLOADED
+        if (index == LEFT_FT and self._outside[0]) or (
+            index == RIGHT_FT and self._outside[1]
+        ):
+            return SensorTrouble.INCONSISTENT
         # A sensor lost for another reason may come back with any value.
         is_compared = self.lost[index] in (None, SensorTrouble.JUMPED)
         if is_compared and self._limits.has_jumped(index):
             return SensorTrouble.JUMPED
         return None
-
-
-class TurnCheck:
-    """Compares how the gyroscope and the unit's own attitude see up turn.
-
-    With u the direction of up in the IMU frame, du/dt = u x w. The heading, which some
-    units correct by the earth's magnetic field, does not count.
-
-    Attributes:
-        are_apart: whether they tell different motions.
-    """
-
-    def __init__(self, settings: SafetySettings, *, period_s: float) -> None:
-        """Begin before the first reading.
-
-        Args:
-            settings: angle allowed, and time for which an odd reading is bridged.
-            period_s: the robot's tick [s].
-        """
-        self.are_apart = False
-        self._dt = period_s
-        self._most = settings.attitude_gap_rad
-        self._patience = round(settings.bridge_s / period_s)
-        self._odd = 0
-        self._left = round(TURN_LEARNT_S / period_s)
-        self._keep = math.exp(-period_s / TURN_MEMORY_S)
-        self._up: tuple[float, float, float] | None = None
-        self._usual = self._felt = self._apart = (0.0, 0.0, 0.0)
-        self._turned = 0.0
-
-    def update(self, snapshot: Snapshot) -> None:
-        """Take the readings of a tick."""
-        x, y, z = up = up_in_unit(snapshot)
-        w_x, w_y, w_z = snapshot.angular_velocity.tolist()
-        turn = y * w_z - z * w_y, z * w_x - x * w_z, x * w_y - y * w_x
-        keep = 1.0 if self._left else self._keep
-        self._felt = _sum(self._felt, _sum(turn, self._usual, -1.0), self._dt)
-        self._turned = keep * self._turned + math.hypot(*turn) * self._dt
-        self._apart = _sum((0.0, 0.0, 0.0), self._apart, keep)
-        if up != self._up:  # a new attitude; the gyroscope may be quicker
-            seen = _sum(up, self._up or up, -1.0)
-            self._apart = _sum(self._apart, _sum(self._felt, seen, -1.0), 1.0)
-            self._felt, self._up = (0.0, 0.0, 0.0), up
-        if not self._left:
-            most = self._most + TURN_SHARE * self._turned
-            is_odd = math.hypot(*self._apart) > most
-            self._odd = self._odd + 1 if is_odd else 0
-            self.are_apart = self._odd > self._patience
-            return
-        self._left -= 1
-        if self._left == 0:
-            self._usual = _sum((0.0, 0.0, 0.0), self._apart, 1.0 / TURN_LEARNT_S)
-            self._apart, self._turned = (0.0, 0.0, 0.0), 0.0
-
-    def in_words(self) -> str:
-        """What the two tell."""
-        angle = math.degrees(math.hypot(*self._apart))
-        return f"imu inconsistent: gyroscope and attitude differ by {angle:.1f} deg"
-
-
-def up_in_unit(snapshot: Snapshot) -> tuple[float, float, float]:
-    """Return the world's up axis in the IMU frame, by the IMU's own attitude."""
-    x, y, z, w = snapshot.quat_xyzw.tolist()
-    return 2.0 * (x * z - y * w), 2.0 * (y * z + x * w), 1.0 - 2.0 * (x * x + y * y)
-
-
-def _sum(
-    a: tuple[float, float, float], b: tuple[float, float, float], share: float
-) -> tuple[float, float, float]:
-    """Return a + share b."""
-    return a[0] + share * b[0], a[1] + share * b[1], a[2] + share * b[2]

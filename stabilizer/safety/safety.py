@@ -26,14 +26,13 @@ from surefoot.stabilizer.controller import (
 )
 from surefoot.stabilizer.estimation.wrenches import ForceOffsets, VirtualWrenches
 from surefoot.stabilizer.model import RobotModel
+from surefoot.stabilizer.safety.consistency import SoleCheck, TurnCheck, up_in_unit
 from surefoot.stabilizer.safety.health import (
     FRESH,
     LEFT_FT,
     REQUIRED,
     RIGHT_FT,
     SensorHealth,
-    TurnCheck,
-    up_in_unit,
 )
 
 MISSED_MEMORY_S = 0.5
@@ -91,13 +90,15 @@ class Safety:
         self._offsets: ForceOffsets | None = None
         self._turns = TurnCheck(settings, period_s=robot.period_s)
         model = RobotModel(robot)
-        self._health = SensorHealth(robot, settings, weight=model.weight)
+        soles: SoleCheck | None = None
         if robot.file.virtual_ft is None:
+            soles = SoleCheck(model, margin=settings.sole_margin_m)
             self._offsets = ForceOffsets(model)
         else:
             self._virtual = VirtualWrenches(
                 model, robot.file.virtual_ft, period_s=robot.period_s
             )
+        self._health = SensorHealth(robot, settings, weight=model.weight, soles=soles)
         self._least_upright = math.cos(settings.tilt_limit_rad)
         self._unloaded_limit = round(settings.unloaded_after_s / robot.period_s)
         self._fade_ticks = max(1, round(settings.ramp_out_s / robot.period_s))

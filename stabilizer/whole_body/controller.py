@@ -29,7 +29,6 @@ from surefoot.stabilizer.controller import (
     ControllerOutput,
 )
 from surefoot.stabilizer.dynamics import Dynamics
-from surefoot.stabilizer.errors import QpStatus
 from surefoot.stabilizer.estimation.observer import (
     ObservedState,
     Observer,
@@ -37,7 +36,7 @@ from surefoot.stabilizer.estimation.observer import (
     StateEstimator,
 )
 from surefoot.stabilizer.model import GRAVITY, N_BASE_V, RobotModel
-from surefoot.stabilizer.qp import PiqpSolver, QpSolver
+from surefoot.stabilizer.qp import PiqpSolver, QpSolver, QpStatus
 from surefoot.stabilizer.walking.ground import HeightReference
 from surefoot.stabilizer.walking.walk import Walk
 from surefoot.stabilizer.whole_body.sway import Sway

@@ -17,13 +17,13 @@ from surefoot.schemas.arrays import Array, Mat, Vec3
 from surefoot.schemas.settings import ControllerSettings
 from surefoot.schemas.walk_plan import WalkPlan
 from surefoot.stabilizer.controller import BalanceController, ControllerOutput
-from surefoot.stabilizer.errors import QpStatus
 from surefoot.stabilizer.estimation.observer import (
     ObservedState,
     Observer,
     StateEstimator,
 )
 from surefoot.stabilizer.model import GRAVITY, N_BASE_V, yaw_from
+from surefoot.stabilizer.qp import QpStatus
 from surefoot.stabilizer.walking.gait import Phase
 from surefoot.stabilizer.walking.walk import Walk
 from surefoot.stabilizer.zmp.commanded_robot import (

@@ -11,8 +11,7 @@ import numpy as np
 from scipy.linalg import solve_triangular
 from scipy.optimize import nnls
 
-from surefoot.stabilizer.errors import QpStatus
-from surefoot.stabilizer.qp import DenseQp, SolverAnswer
+from surefoot.stabilizer.qp import DenseQp, QpStatus, SolverAnswer
 
 CONTRADICTION = 1e-9
 """A smaller residual means that the limits exclude all points."""

@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 
 from surefoot.schemas.arrays import Array, Mat
-from surefoot.stabilizer.errors import QpStatus
-from surefoot.stabilizer.qp import DenseQp, QpSolution, SolverAnswer
+from surefoot.stabilizer.qp import DenseQp, QpSolution, QpStatus, SolverAnswer
 from tests.stabilizer.least_distance import LeastDistanceSolver
 
 N, M = 12, 9

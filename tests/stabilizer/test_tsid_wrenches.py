@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from surefoot.schemas.arrays import Array, Vec3
-from surefoot.stabilizer.errors import QpStatus
 from surefoot.stabilizer.model import GRAVITY, RobotModel
+from surefoot.stabilizer.qp import QpStatus
 from tests.stabilizer.rig import BOTH, CONTACT_NAMES, CONTACT_SETS, Rig
 from tests.stabilizer.states import nominal_state, states_near_stance
 

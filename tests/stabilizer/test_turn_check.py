@@ -11,7 +11,7 @@ import pytest
 from surefoot.robot_io.snapshot import Snapshot
 from surefoot.schemas.arrays import Mat, Vec3
 from surefoot.schemas.settings import SafetySettings
-from surefoot.stabilizer.safety.health import TurnCheck
+from surefoot.stabilizer.safety.consistency import TurnCheck
 from tests.robot_io.sensor_messages import snapshot_at
 
 DT = 1e-3
