@@ -188,6 +188,11 @@ class BalanceController(ABC):
         self._tick = 0
         self._owed, self._most_owed = 0.0, MOST_OWED_S / robot.period_s
 
+    @property
+    def doubt(self) -> str:
+        """See :class:`Doubts`."""
+        return self.observer.doubt
+
     def start(self, snapshot: Snapshot, q_command: Array) -> None:
         """Begin on a robot that stands still, once."""
         self.observer.start(snapshot)

@@ -20,6 +20,7 @@ from surefoot.schemas.settings import EstimatorSettings
 from surefoot.stabilizer.estimation.attitude import AttitudeFilter
 from surefoot.stabilizer.estimation.contact import Anchors
 from surefoot.stabilizer.estimation.felt_motion import (
+    START_LIMIT_M_S2,
     FeltMotion,
     GroundAcceleration,
     HorizontalBias,
@@ -215,6 +216,17 @@ class Estimator:
     def force_offsets(self) -> list[float]:
         """Errors of the normal forces (measured minus true), left and right [N]."""
         return self._felt_motion.offsets
+
+    @property
+    def doubt(self) -> str:
+        """Why the readings at rest cannot all be right; empty if they can."""
+        off = math.hypot(*self._accel_bias.seen)
+        if off <= START_LIMIT_M_S2:
+            return ""
+        return (
+            f"accelerometer and feet differ by {off:.1f} m/s^2 at rest: it is off, or "
+            "the robot is pulled"
+        )
 
     def _read(self, snapshot: Snapshot) -> None:
         """Fill q and v from joints and attitude; then see the base by the legs."""

@@ -29,7 +29,9 @@ OFFSET_LAG_S, OFFSET_ODD_S, OFFSET_ANEW_S = 0.1, 0.1, 0.03
 """Low-pass that detects a sudden offset; time for which it must last, unlike impacts;
 time of it that a restarted comparison counts as seen [s]."""
 BIAS_LIMIT_M_S2 = 0.5
-"""Largest bias of any accelerometer [m/s^2]; a pulled robot seems to have more."""
+"""Largest bias learnt in balance [m/s^2]; a pulled robot seems to have more."""
+START_LIMIT_M_S2 = 1.0
+"""Largest bias learnt at the start, when nothing pulls [m/s^2]: more is no bias."""
 GROUND_BANDWIDTH = 15.0
 """Bandwidth of the ground's horizontal acceleration [rad/s]."""
 FEIGNED_M_S2 = 0.15
@@ -270,6 +272,7 @@ class HorizontalBias:
 
     Attributes:
         bias: (3,) in base axes; z is left to the height [m/s^2].
+        seen: (2,) the same without a limit.
     """
 
     def __init__(self, *, memory_s: float, period_s: float) -> None:
@@ -284,7 +287,9 @@ class HorizontalBias:
         self._count = 0
         self._by_force = [0.0, 0.0]
         self._by_pressure = [0.0, 0.0]
+        self._limits = [START_LIMIT_M_S2, START_LIMIT_M_S2]
         self.bias: Vec3 = np.zeros(3)
+        self.seen = [0.0, 0.0]
 
     def learn(
         self,
@@ -317,7 +322,13 @@ class HorizontalBias:
         for axis in (0, 1):
             # The third witness is the accelerometer itself, at zero.
             middle = sorted((0.0, self._by_force[axis], self._by_pressure[axis]))[1]
-            self.bias[axis] = min(max(middle, -BIAS_LIMIT_M_S2), BIAS_LIMIT_M_S2)
+            limit = self._limits[axis]
+            self.seen[axis] = middle
+            self.bias[axis] = min(max(middle, -limit), limit)
+        if self._count == self._known:
+            for axis in (0, 1):
+                known = abs(self.bias.item(axis))
+                self._limits[axis] = max(BIAS_LIMIT_M_S2, known)
 
 
 class UsualDifference:

@@ -181,6 +181,7 @@ class Observer:
         contacts: decides which feet stand.
         state: state at the last tick.
         lost: whether the left and the right ankle sensor are left out.
+        doubt: after calibration, why the readings cannot all be right; else empty.
     """
 
     def __init__(
@@ -218,6 +219,7 @@ class Observer:
         self._measured: Array | None = None
         self._reported: Array = np.zeros(12)
         self.lost = (False, False)
+        self.doubt = ""
         self._instead: Array = np.zeros(12)
         self.state = ObservedState(
             q=self.estimator.q,
@@ -297,10 +299,13 @@ class Observer:
 
     def _is_calibrating(self) -> bool:
         """Begin a tick; return whether tilt and bias are still being measured."""
-        state = self.state
+        state, estimator = self.state, self.estimator
+        was_calibrating = state.is_calibrating
         self._since_start_s += self._dt
         state.active_s = self._since_start_s - self._calibration_s
         state.is_calibrating = self._since_start_s < self._calibration_s
+        if was_calibrating and not state.is_calibrating:
+            self.doubt = estimator.doubt if isinstance(estimator, Estimator) else ""
         return state.is_calibrating
 
     def _calibrate(self, snapshot: Snapshot) -> None:

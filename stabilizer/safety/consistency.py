@@ -89,7 +89,7 @@ class TurnCheck:
     def in_words(self) -> str:
         """What the two tell."""
         angle = math.degrees(math.hypot(*self._apart))
-        return f"imu inconsistent: gyroscope and attitude differ by {angle:.1f} deg"
+        return f"gyroscope and attitude differ by {angle:.1f} deg"
 
 
 def up_in_unit(snapshot: Snapshot) -> tuple[float, float, float]:
@@ -168,21 +168,18 @@ class SoleCheck:
         half_length, half_width = self._halves[side]
         light, carried = self._light, max(normal, 0.0)
         outside = self._margin * max(normal, light)
-        if is_doubted:
-            # A load as in an impact would excuse any moment.
+        if is_doubted:  # a load as in an impact would excuse any moment
             carried, outside = min(carried, light), self._margin * light
             roll, pitch = roll / RETURN_SHARE, pitch / RETURN_SHARE
-            known = -math.inf
-        else:
-            # More load may bring more moment at once.
-            known = max(normal - normal_before, 0.0) + SUDDEN_SHARE * light
+        # More load may bring more moment at once.
+        known = max(normal - normal_before, 0.0) + SUDDEN_SHARE * light
         is_outside = (
             roll > carried * half_width + outside
-            and roll - roll_before > known * half_width
+            and (is_doubted or roll - roll_before > known * half_width)
         ) or (
             pitch > carried * half_length + outside
-            and pitch - pitch_before > known * half_length
+            and (is_doubted or pitch - pitch_before > known * half_length)
         )
-        if not is_outside:
+        if not is_outside and roll + pitch < math.inf:
             self._believed[side] = normal, roll, pitch
         return is_outside

@@ -65,6 +65,15 @@ class Degradable(Protocol):
         """
 
 
+@runtime_checkable
+class Doubts(Protocol):
+    """A controller that compares the readings of a robot at rest."""
+
+    @property
+    def doubt(self) -> str:
+        """Why the IMU cannot be right, in words; empty while it can."""
+
+
 class Safety:
     """Watches one controller, for one start of it.
 
@@ -108,6 +117,7 @@ class Safety:
         self._tick = 0
         self._missed, self._missed_blend = 0.0, robot.period_s / MISSED_MEMORY_S
         self._takes_in = controller if isinstance(controller, PassesOver) else None
+        self._doubts = controller if isinstance(controller, Doubts) else None
         self._is_number = np.empty(robot.n_a, dtype=bool)
         self._fade = 0
         self._left = 0
@@ -160,6 +170,9 @@ class Safety:
         if self._gives_up():
             return self._fade_out()
         output = self.controller.step(believed, reference)
+        if self._doubts is not None and self._doubts.doubt:
+            self._distrust_imu(self._doubts.doubt)
+            return self._fade_out()
         if not np.isfinite(output.q_command, out=self._is_number).all():
             return self._unheard(output)
         self._unanswered = 0
@@ -213,8 +226,7 @@ class Safety:
         for _ in range(max(1, min(ticks, self._bridge_ticks))):
             self._turns.update(believed)
         if self._turns.are_apart:
-            self.losses.setdefault("imu", SensorTrouble.INCONSISTENT)
-            self.abort(EndReason.SENSOR_LOST, self._turns.in_words())
+            self._distrust_imu(self._turns.in_words())
         self._look_for_fall(believed)
         return believed
 
@@ -234,6 +246,10 @@ class Safety:
         if not self._gives_up():
             self.state = StabilizerState.FADE_OUT
             self.end, self.detail = end, detail
+
+    def _distrust_imu(self, why: str) -> None:
+        self.losses.setdefault("imu", SensorTrouble.INCONSISTENT)
+        self.abort(EndReason.SENSOR_LOST, f"imu inconsistent: {why}")
 
     def _unheard(self, output: ControllerOutput) -> ControllerOutput:
         """Deal with an answer that is not a posture.

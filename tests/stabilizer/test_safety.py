@@ -30,6 +30,8 @@ FADE_OUT, HELD = StabilizerState.FADE_OUT, StabilizerState.HELD
 FEET = ("left_ankle_ft", "right_ankle_ft")
 MOVING_TICKS = 800
 LEAVE_S = 0.2
+CORRECTED_MM = 3.0
+"""CoM error with an accelerometer whose bias is known [mm]."""
 SILENT = dict.fromkeys(NOISE, 0.0)
 
 
@@ -162,10 +164,12 @@ PARTS = {
     ),
     "gyroscope off": part("imu", "jump", "angular_velocity", axis="x", size=0.3),
     "force stuck": part("left_ankle_ft", "freeze", "force", axis="z"),
+    "roll moment off": part("right_ankle_ft", "jump", "moment", axis="x", size=60.0),
+    "pitch moment off": part("left_ankle_ft", "jump", "moment", axis="y", size=120.0),
 }
 
 
-@pytest.mark.usual("gyroscope off", "gyroscope's pitch stuck")
+@pytest.mark.usual("gyroscope off", "gyroscope's pitch stuck", "roll moment off")
 @pytest.mark.closed_loop
 @pytest.mark.parametrize("name", PARTS)
 def test_a_part_of_a_sensor_that_fails_alone_is_told_in_time(
@@ -182,6 +186,44 @@ def test_a_part_of_a_sensor_that_fails_alone_is_told_in_time(
     is_foot = failing["sensor"] in FEET
     assert run.end is (EndReason.NONE if is_foot else EndReason.SENSOR_LOST)
     assert run.detail.startswith(f"{failing['sensor']} {plain(trouble)}")
+
+
+@pytest.mark.closed_loop
+@pytest.mark.parametrize("off", [(0.8, 0.0, 0.0), (0.5, -0.7, 0.0)])
+def test_an_accelerometer_that_is_off_a_little_is_corrected(
+    walker: Robot, off: tuple[float, ...]
+) -> None:
+    sensors = {**NOISE, "accel_bias_m_s2": list(off)}
+    run = watched_run(walker, duration_s=2.0, sensors=sensors)
+    assert run.states == [ACTIVE]
+    assert run.com_error_max_mm is not None
+    assert max(run.com_error_max_mm) < CORRECTED_MM
+
+
+@pytest.mark.closed_loop
+@pytest.mark.parametrize("off", [(1.2, 0.0, 0.0), (0.0, -2.0, 0.0)])
+def test_one_that_is_off_by_more_is_told_before_the_robot_moves(
+    walker: Robot, off: tuple[float, ...]
+) -> None:
+    sensors = {**NOISE, "accel_bias_m_s2": list(off)}
+    run = watched_run(walker, duration_s=1.0, sensors=sensors)
+    assert not run.fell
+    assert run.states == [ACTIVE, FADE_OUT, HELD]
+    assert run.losses == {"imu": SensorTrouble.INCONSISTENT}
+    assert run.detail.startswith("imu inconsistent: accelerometer and feet differ by")
+    largest = max(map(abs, off))
+    assert f"{largest:.1f} m/s^2" in run.detail
+
+
+@pytest.mark.closed_loop
+def test_ground_that_shakes_at_the_start_is_no_wrong_accelerometer(
+    walker: Robot,
+) -> None:
+    shaking = [sine("x", 0.0, 1.0) | {"amplitude_m": 0.06}, sine("pitch", 6.0, 0.8)]
+    del shaking[0]["amplitude_deg"]
+    ground = [{"foot": "both", "motion": shaking}]
+    run = watched_run(walker, duration_s=1.0, platform=ground)
+    assert run.states == [ACTIVE]
 
 
 @pytest.mark.usual("right_ankle_ft")
