@@ -7,6 +7,9 @@ posture. The set-point of a drive shows in its torque, whatever holds the joint:
 
 It is compared with the model of robot files: a set-point L follows the command at a
 limited speed, and S follows L with a lag, S += g (L - S).
+
+Both sides are averaged over some ticks: the difference of two positions of an encoder
+is too coarse for a velocity, and a reported velocity is late by an unknown filter.
 """
 
 from __future__ import annotations
@@ -49,8 +52,11 @@ SEEN_S = 0.0025
 """Time by which a speed limit must stretch the large step to be seen [s]."""
 LEAST_MOTION_RAD = 1e-3
 """Distance of set-point and joint needed to tell the stiffness [rad]."""
-WORSE = 1.2
-"""Factor by which a model without speed limit may fit worse and count as equal [1]."""
+AVERAGE_S = 0.008
+"""Time over which readings are averaged [s]."""
+LIMIT_SHARE, NOISE_SHARE = 0.002, 0.1
+"""Error that only a speed limit explains, from which a limit was seen: as a part of the
+largest step, and of the error that nothing explains [1]."""
 
 
 class Drive(msgspec.Struct, frozen=True, kw_only=True):
@@ -81,12 +87,11 @@ class Drive(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class Samples(NamedTuple):
-    """Commands and readings of a joint, one row per tick."""
+    """Commands and readings of a joint, one row per answered tick."""
 
     ticks: Array
     command: Array
     q: Array
-    dq: Array
     effort: Array
 
 
@@ -149,7 +154,6 @@ class IdentifyController:
                     snapshot.tick,
                     self._command.item(joint),
                     snapshot.q.item(joint),
-                    snapshot.dq.item(joint),
                     snapshot.effort.item(joint),
                 )
             )
@@ -219,7 +223,13 @@ def identify(robot: Robot, joint: int, samples: Samples) -> Drive:
         samples: commands and readings of its motion.
     """
     dt, kp = robot.period_s, robot.kp.item(joint)
-    torque = samples.effort + robot.kd.item(joint) * samples.dq
+    samples = _at_every_tick(samples)
+    # A servo's velocity is the change since its own last step, so half a step old.
+    late = 0.5 * min(1.0, DRIVE_STEP_S / dt)
+    q = samples.q
+    change = (0.5 + late) * np.diff(q, prepend=q[0])
+    change += (0.5 - late) * np.diff(q, append=q[-1])
+    torque = _average(samples.effort + robot.kd.item(joint) / dt * change, dt)
     fits = [
         _search(
             samples, torque, LAGS_S, SPEEDS_RAD_S, halves=HALVES_RAD, delay=delay, dt=dt
@@ -250,11 +260,15 @@ def identify(robot: Robot, joint: int, samples: Samples) -> Drive:
     stiffness = None
     if np.ptp(distance) > LEAST_MOTION_RAD:
         stretched = distance - np.clip(distance, -best.half, best.half)
-        stiffness = float(np.polyfit(stretched, torque, 1)[0])
-    short = distance - torque / (stiffness or kp)
-    backlash, backlash_is_bound = _play(short, torque, rest=round(REST_S / dt))
-    fastest = float(np.abs(samples.command - samples.command[0]).max()) / SEEN_S
-    is_free = free < WORSE * best.misfit or best.speed > fastest
+        stiffness = float(np.polyfit(_average(stretched, dt), torque, 1)[0])
+    short = _average(distance, dt) - torque / (stiffness or kp)
+    rest = round(REST_S / dt * len(torque) / len(distance))
+    backlash, backlash_is_bound = _play(short, torque, rest=rest)
+    step = float(np.abs(samples.command - samples.command[0]).max())
+    fastest = step / SEEN_S
+    by_limit = math.sqrt(max(free**2 - best.misfit**2, 0.0))
+    is_seen = by_limit > max(LIMIT_SHARE * step * kp, NOISE_SHARE * best.misfit)
+    is_free = not is_seen or best.speed > fastest
     return Drive(
         joint=robot.joint_names[joint],
         lag_s=round(best.lag, 5),
@@ -266,6 +280,34 @@ def identify(robot: Robot, joint: int, samples: Samples) -> Drive:
         stiffness_scale=None if stiffness is None else round(stiffness / kp, 3),
         misfit_rad=round(best.misfit / kp, 7),
     )
+
+
+def _at_every_tick(samples: Samples) -> Samples:
+    """Return rows for all ticks, also those without an answer or a new reading.
+
+    The robot keeps its command until the next one. Between two readings the joint moves
+    evenly.
+    """
+    readings = np.stack((samples.q, samples.effort))
+    is_new = np.append(True, (np.diff(readings) != 0.0).any(axis=0))
+    measured = samples.ticks[is_new]
+    ticks = np.arange(samples.ticks[0], samples.ticks[-1] + 1.0)
+    answered = np.searchsorted(samples.ticks, ticks, side="right") - 1
+    return Samples(
+        ticks,
+        samples.command[answered],
+        np.interp(ticks, measured, samples.q[is_new]),
+        np.interp(ticks, measured, samples.effort[is_new]),
+    )
+
+
+def _average(values: Array, dt: float) -> Array:
+    """Return means over blocks of ticks, the first axis."""
+    size = max(1, round(AVERAGE_S / dt))
+    blocks = len(values) // size
+    shape = (blocks, size, *values.shape[1:])
+    means: Array = values[: blocks * size].reshape(shape).mean(axis=1)
+    return means
 
 
 class _Fit(NamedTuple):
@@ -299,7 +341,7 @@ def _search(
     fits = []
     for half in halves:
         # Within the play no torque passes.
-        pulled = away - np.clip(away, -half, half)
+        pulled = _average(away - np.clip(away, -half, half), dt)
         pulled -= pulled.mean(axis=0)
         along = np.einsum("tlv,t->lv", pulled, centred)
         square = np.einsum("tlv,tlv->lv", pulled, pulled)

@@ -26,13 +26,21 @@ from surefoot.robot_io.snapshot import SnapshotLayout
 from surefoot.schemas.robot_file import ServoProfile
 from surefoot.schemas.scenario import Scenario, scenario_from_table
 from surefoot.sim_robot.catalogue import load_scenario
-from surefoot.stabilizer.identification import Drive, IdentifyController
+from surefoot.stabilizer.identification import (
+    Drive,
+    IdentifyController,
+    Samples,
+    identify,
+    motion,
+)
 from tests.stabilizer.closed_loop import NOISE
 
 pytestmark = pytest.mark.closed_loop
 JOINT = "left_ankle_pitch"
 LAG_S, SPEED_SHARE, PLAY_RAD = 1.5e-3, 0.1, 3e-4
 """Tolerances: 1.5 ticks of lag, a share of the speed limit, play."""
+HIDDEN_RAD_S = 8.0
+"""Speed limit that stretches the large step of 0.02 rad by no more than is seen."""
 
 
 def with_drives(robot: Robot, *, lag_s: float, speed: float) -> Robot:
@@ -56,8 +64,8 @@ def a_drive(joint: str, lag_s: float = 0.02, speed: float = 3.1) -> Drive:
     )
 
 
-def imperfect(**error: float) -> Scenario:
-    table = {"name": "drives", "duration_s": 1.0, "sensors": NOISE}
+def imperfect(sensors: dict[str, float] = NOISE, **error: float) -> Scenario:
+    table = {"name": "drives", "duration_s": 1.0, "sensors": sensors}
     return scenario_from_table({**table, "model_error": error}, source="test")
 
 
@@ -78,6 +86,53 @@ def test_lag_speed_limit_and_play_are_those_of_the_drive(
     assert not found.is_bound
     assert found.backlash_rad == pytest.approx(play, abs=PLAY_RAD)
     assert found.stiffness_scale == pytest.approx(0.9, abs=0.03)
+
+
+COARSE = {
+    "16 bit encoders": {"encoder_resolution_rad": 1e-4},
+    "joints at 500 Hz": {"joints_rate_hz": 500.0},
+    "both": {"encoder_resolution_rad": 1e-4, "joints_rate_hz": 500.0},
+}
+
+
+@pytest.mark.usual("0.02-3.1-both")
+@pytest.mark.parametrize("name", COARSE)
+@pytest.mark.parametrize(("lag_s", "speed"), [(0.02, 3.1), (0.01, 5.0), (0.005, 12.0)])
+def test_coarse_or_seldom_readings_hide_no_limit(
+    walker: Robot, name: str, lag_s: float, speed: float
+) -> None:
+    robot = with_drives(walker, lag_s=lag_s, speed=speed)
+    scenario = imperfect({**NOISE, **COARSE[name]}, servo_kp_scale=0.9)
+    (found,) = identify_drives(robot, joints=[JOINT], scenario=scenario)
+    assert found.lag_s == pytest.approx(lag_s, abs=LAG_S)
+    assert found.stiffness_scale == pytest.approx(0.9, abs=0.03)
+    assert found.is_bound == (speed > HIDDEN_RAD_S)
+    if not found.is_bound:
+        assert found.velocity_limit_rad_s == pytest.approx(speed, rel=SPEED_SHARE)
+
+
+def test_ticks_without_an_answer_leave_the_command_as_it_was(walker: Robot) -> None:
+    """Every twelfth; the joint is held by something of twice its drive's stiffness."""
+    joint, lag_s, speed = walker.joint_names.index(JOINT), 0.02, 3.1
+    dt, kp, kd = walker.period_s, walker.kp.item(joint), walker.kd.item(joint)
+    asked = motion(0.02, largest_step=0.01, period_s=dt)
+    limited = lagged = sent = q_before = 0.0
+    rows = []
+    for tick, wanted in enumerate(asked):
+        q = lagged / 3.0
+        is_answered = tick % 12 != 5
+        sent = wanted if is_answered else sent
+        effort = kp * (lagged - q) - kd * (q - q_before) / dt
+        if is_answered:
+            rows.append((float(tick), sent, q, effort))
+        limited += np.clip(sent - limited, -speed * dt, speed * dt)
+        lagged += -np.expm1(-dt / lag_s) * (limited - lagged)
+        q_before = q
+    found = identify(walker, joint, Samples(*np.array(rows).T))
+    assert found.lag_s == pytest.approx(lag_s, abs=LAG_S)
+    assert found.velocity_limit_rad_s == pytest.approx(speed, rel=SPEED_SHARE)
+    assert found.delay_s == 0.0
+    assert not found.is_bound
 
 
 def test_a_limit_that_does_not_show_is_a_bound(walker: Robot) -> None:
