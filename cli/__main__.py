@@ -39,7 +39,7 @@ def main() -> None:
             code = ExitCode.INTERRUPTED
         if code is None:
             raise
-        if code is not ExitCode.INTERRUPTED:
+        if not interruption.has_come:
             from surefoot.cli.console import print_error
 
             print_error(told)

@@ -120,7 +120,7 @@ def run(
         show_notes,
     )
     from surefoot.cli.summary import run_table, with_histograms
-    from surefoot.controllers import late_notice, loop_notice, walk_notice
+    from surefoot.controllers import notices
     from surefoot.run_plan import make_plan
     from surefoot.runs import execute
 
@@ -141,9 +141,8 @@ def run(
         duration_s=duration_s,
         pushes=[parse_push(text) for text in push or []],
     )
-    for notice in (loop_notice(plan), walk_notice(plan), late_notice(plan.scenario)):
-        if notice:
-            print_note(notice)
+    for notice in notices(plan):
+        print_note(notice)
     meeting = _meeting(endpoints, listen=listen, connect=connect)
     if inline and meeting is not None:
         raise UsageError(

@@ -17,7 +17,7 @@ from surefoot.run_plan import RunPlan, Settings, resolve_robot, resolve_settings
 from surefoot.schemas.arrays import MS_PER_S
 from surefoot.schemas.endpoints import Endpoints, load_endpoints
 from surefoot.schemas.motions import Motion
-from surefoot.schemas.scenario import Push, Scenario, SensorFault
+from surefoot.schemas.scenario import Push, SensorFault
 from surefoot.schemas.scenario_robot import Delay, Payload, Rod
 from surefoot.stabilizer import factory
 from surefoot.stabilizer.controller import Controller
@@ -216,8 +216,9 @@ def walk_notice(plan: RunPlan) -> str:
     return ". And ".join(said)
 
 
-def late_notice(scenario: Scenario) -> str:
-    """Return what of a scenario begins after its end, so never; "" if nothing does."""
+def idle_notice(plan: RunPlan) -> str:
+    """Return what of a run's scenario does nothing; empty if all of it does."""
+    scenario = plan.scenario
     parts: dict[str, Sequence[Push | Rod | Payload | SensorFault | Motion]] = {
         "push": scenario.push,
         "rod": scenario.rod,
@@ -232,12 +233,28 @@ def late_notice(scenario: Scenario) -> str:
         for index, part in enumerate(some)
         if part.start_s >= scenario.duration_s
     ]
-    if not late:
-        return ""
-    return (
-        f"the run ends at {scenario.duration_s:g} s (duration_s), before this begins: "
-        f"{', '.join(late)}; start it earlier, or run longer"
-    )
+    said = []
+    if late:
+        said.append(
+            f"the run ends at {scenario.duration_s:g} s (duration_s), before this "
+            f"begins: {', '.join(late)}; start it earlier, or run longer"
+        )
+    servo = plan.robot.file.servo
+    scale = scenario.model_error.servo_lag_scale
+    if scale != 1.0 and plan.robot.servo_profile.lag_s == 0.0:
+        slow = [name for name, profile in servo.profiles.items() if profile.lag_s]
+        said.append(
+            f"servo_lag_scale = {scale:g} changes nothing: servo profile "
+            f"{servo.profile!r} has no lag"
+            + (f"; --servo-profile {slow[0]} has" if slow else "")
+        )
+    return ". And ".join(said)
+
+
+def notices(plan: RunPlan) -> list[str]:
+    """Return all that should be told before a run begins."""
+    told = (loop_notice, walk_notice, idle_notice)
+    return [said for notice in told if (said := notice(plan))]
 
 
 def _borne_ms(plan: RunPlan) -> float:

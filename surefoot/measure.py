@@ -319,7 +319,9 @@ def _on_bus(
     )
     done = [one for one in made if one.is_done]
     if not done and result.end is EndReason.STOPPED:
-        raise KeyboardInterrupt
+        raise ChildFailedError(
+            "identify: interrupted; nothing was written", exit_code=ExitCode.INTERRUPTED
+        )
     code = ExitCode.FELL if result.end is EndReason.FELL else ExitCode.FAILED
     code = ExitCode.OK if done else code
     why = in_words(result.end, result.end_detail)

@@ -16,7 +16,7 @@ import numpy as np
 import pytest
 
 import surefoot as sf
-from surefoot.controllers import late_notice, walk_notice
+from surefoot.controllers import idle_notice, notices, walk_notice
 from surefoot.robot_io.robot import make_robot
 from surefoot.run_plan import make_plan
 from surefoot.schemas.scenario import scenario_from_table
@@ -262,10 +262,21 @@ def test_what_of_a_scenario_begins_after_its_end_is_told_beforehand() -> None:
         "payload": [{"link": "torso", "mass_kg": 1.0} | late],
         "fault": [{"sensor": "imu", "kind": "drop", "duration_s": 1.0} | late],
     }
-    said = late_notice(scenario_from_table(table, source="test"))
+    said = idle_notice(make_plan(scenario_from_table(table, source="test")))
     for name in ("platform[0].motion[1]", "push[0]", "rod[0]", "payload[0]"):
         assert f"{name} (2 s)" in said
     assert "fault[0] (2 s)" in said
     assert "motion[0]" not in said.replace("platform[0].motion[1]", "")
     longer = scenario_from_table(table | {"duration_s": 2.1}, source="test")
-    assert not late_notice(longer)
+    assert not idle_notice(make_plan(longer))
+
+
+def test_a_lag_that_cannot_be_scaled_is_told_beforehand() -> None:
+    table = {"name": "x", "duration_s": 2.0, "model_error": {"servo_lag_scale": 1.3}}
+    scenario = scenario_from_table(table, source="test")
+    (said,) = notices(make_plan(scenario))
+    assert said == (
+        "servo_lag_scale = 1.3 changes nothing: servo profile 'ideal' has no lag; "
+        "--servo-profile harmonic has"
+    )
+    assert not notices(make_plan(scenario, servo_profile="harmonic"))
