@@ -130,6 +130,12 @@ def run_driver(
         paced = adapter if isinstance(adapter, PacingAdapter) else None
         wait = pacer.wait if paced is None else paced.wait
         ready()
+        if tare.is_zero and robot.file.virtual_ft is None:
+            _LOG.warning(
+                "%s: no offsets of its ankle sensors are stored; with narrow soles a "
+                "few per cent of the weight can fell it: surefoot tare",
+                robot.file.name,
+            )
         missing: tuple[str, ...] = ()
         tick, posture = 0, gate.posture
         with quiet_interpreter():

@@ -26,14 +26,18 @@ CLOSE = 1e-3
 
 
 @contextmanager
-def hanging(endpoints: Path, robot: Path) -> Iterator[None]:
-    """Serve a robot on its left foot until the context is left."""
+def hanging(endpoints: Path, robot: Path) -> Iterator[list[str]]:
+    """Serve a robot on its left foot until the context is left; then tell its log."""
     words = [sys.executable, "-m", "tests.hanging_driver", endpoints, robot]
-    driver = subprocess.Popen(words, env=environment(), cwd=REPOSITORY)
+    driver = subprocess.Popen(
+        words, env=environment(), cwd=REPOSITORY, stderr=subprocess.PIPE, text=True
+    )
+    said: list[str] = []
     try:
-        yield
+        yield said
         driver.send_signal(signal.SIGTERM)
-        assert driver.wait(PATIENCE_S) == 0
+        said.append(driver.communicate(timeout=PATIENCE_S)[1])
+        assert driver.returncode == 0
     finally:
         driver.kill()
         driver.wait()
@@ -45,7 +49,7 @@ def test_what_is_measured_is_taken_off_from_then_on(
     robot = patient_robot_file(tmp_path, **JUDGED)
     words = ["tare", "--endpoints", endpoint_file, "--robot", robot, "--json"]
     words += ["--wait", PATIENCE_S, "--duration", 1]
-    with hanging(endpoint_file, robot):
+    with hanging(endpoint_file, robot) as first:
         refused = surefoot_here(*words)
         assert refused.returncode == 2
         assert "the left foot feels" in refused.stderr
@@ -58,11 +62,13 @@ def test_what_is_measured_is_taken_off_from_then_on(
         np.testing.assert_allclose(
             json.loads(twice.stdout)["right"], OFFSET, atol=CLOSE
         )
+    assert "no offsets of its ankle sensors are stored" in first[0]
     told = json.loads(done.stdout)
     np.testing.assert_allclose(told["right"], OFFSET, atol=CLOSE)
     assert told["left"] == [0.0] * 6
-    with hanging(endpoint_file, robot):
+    with hanging(endpoint_file, robot) as then:
         again = surefoot_here(*words, "--foot", "right")
+    assert "no offsets" not in then[0]
     assert again.returncode == 0, again.stderr
     np.testing.assert_allclose(json.loads(again.stdout)["right"], OFFSET, atol=CLOSE)
     stored = load_tare(robot)
