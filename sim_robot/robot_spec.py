@@ -207,19 +207,45 @@ def _add_friction(spec: mujoco.MjSpec, robot: Robot, friction: PerJoint) -> None
 
 
 def _shift_com(spec: mujoco.MjSpec, robot: Robot, offset: Sequence[float]) -> None:
-    """Shift the mass of the base link so that the robot's centre of mass shifts.
+    """Shift the trunk's mass so that the robot's centre of mass shifts.
 
     Args:
         spec: the robot's model.
         robot: gives the upright axes of the nominal posture.
         offset: (3,) shift of the robot's centre of mass, in these axes [m].
+
+    Raises:
+        ScenarioError: the trunk has no mass.
     """
     if not any(offset):
         return
     base = spec.body(robot.file.base_link)
+    trunk, turn = _heaviest_fixed(base, np.eye(3))
+    if trunk.mass == 0.0:
+        raise ScenarioError(
+            f"com_offset_m: the base link {robot.file.base_link} and what is fixed "
+            "to it have no mass to shift; use a [[payload]]",
+            field="com_offset_m",
+        )
     whole = sum(body.mass for body in spec.bodies)
-    shift = np.array(offset) * (whole / base.mass)
-    base.ipos = base.ipos + robot.R_upright_base.T @ shift
+    shift = np.array(offset) * (whole / trunk.mass)
+    trunk.ipos = trunk.ipos + turn.T @ robot.R_upright_base.T @ shift
+
+
+def _heaviest_fixed(body: mujoco.MjsBody, turned: Mat) -> tuple[mujoco.MjsBody, Mat]:
+    """Return the heaviest of a body and all that is fixed to it, with its rotation.
+
+    Args:
+        body: where to begin.
+        turned: (3, 3) its rotation.
+    """
+    found = [(body, turned)]
+    for child in body.bodies:
+        if not child.joints:
+            turn = np.zeros(9)
+            mujoco.mju_quat2Mat(turn, child.quat)
+            found.append(_heaviest_fixed(child, turned @ turn.reshape(3, 3)))
+    return max(found, key=lambda pair: float(pair[0].mass))
 
 
 def _add_sole_box(spec: mujoco.MjSpec, foot: Foot) -> None:

@@ -20,7 +20,7 @@ from surefoot.schemas.settings import EstimatorSettings
 from surefoot.stabilizer.estimation.attitude import AttitudeFilter
 from surefoot.stabilizer.estimation.contact import Anchors
 from surefoot.stabilizer.estimation.felt_motion import (
-    START_LIMIT_M_S2,
+    DOUBT_M_S2,
     FeltMotion,
     GroundAcceleration,
     HorizontalBias,
@@ -219,9 +219,12 @@ class Estimator:
 
     @property
     def doubt(self) -> str:
-        """Why the readings at rest cannot all be right; empty if they can."""
+        """Why the readings at rest cannot all be right; empty if they can.
+
+        On ground that turns, or under a push, which looks the same, nothing is said.
+        """
         off = math.hypot(*self._accel_bias.seen)
-        if off <= START_LIMIT_M_S2:
+        if off <= DOUBT_M_S2 or self._attitude.ground_turns:
             return ""
         return (
             f"accelerometer and feet differ by {off:.1f} m/s^2 at rest: it is off, or "

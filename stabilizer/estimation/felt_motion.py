@@ -29,9 +29,10 @@ OFFSET_LAG_S, OFFSET_ODD_S, OFFSET_ANEW_S = 0.1, 0.1, 0.03
 """Low-pass that detects a sudden offset; time for which it must last, unlike impacts;
 time of it that a restarted comparison counts as seen [s]."""
 BIAS_LIMIT_M_S2 = 0.5
-"""Largest bias learnt in balance [m/s^2]; a pulled robot seems to have more."""
-START_LIMIT_M_S2 = 1.0
-"""Largest bias learnt at the start, when nothing pulls [m/s^2]: more is no bias."""
+"""Largest bias of any accelerometer [m/s^2]; a pulled robot seems to have more."""
+DOUBT_M_S2 = 0.75
+"""Bias of a robot at rest from which it should not balance: what is not corrected would
+lean it by 1.5 deg and more [m/s^2]."""
 GROUND_BANDWIDTH = 15.0
 """Bandwidth of the ground's horizontal acceleration [rad/s]."""
 FEIGNED_M_S2 = 0.15
@@ -287,7 +288,6 @@ class HorizontalBias:
         self._count = 0
         self._by_force = [0.0, 0.0]
         self._by_pressure = [0.0, 0.0]
-        self._limits = [START_LIMIT_M_S2, START_LIMIT_M_S2]
         self.bias: Vec3 = np.zeros(3)
         self.seen = [0.0, 0.0]
 
@@ -322,13 +322,8 @@ class HorizontalBias:
         for axis in (0, 1):
             # The third witness is the accelerometer itself, at zero.
             middle = sorted((0.0, self._by_force[axis], self._by_pressure[axis]))[1]
-            limit = self._limits[axis]
             self.seen[axis] = middle
-            self.bias[axis] = min(max(middle, -limit), limit)
-        if self._count == self._known:
-            for axis in (0, 1):
-                known = abs(self.bias.item(axis))
-                self._limits[axis] = max(BIAS_LIMIT_M_S2, known)
+            self.bias[axis] = min(max(middle, -BIAS_LIMIT_M_S2), BIAS_LIMIT_M_S2)
 
 
 class UsualDifference:

@@ -261,6 +261,7 @@ class ForceOffsets:
 
     Attributes:
         found: whether left and right sensor have had an offset.
+        offsets: (2, 6) offsets of left and right sensor, sensor frames [N, N m].
     """
 
     def __init__(self, model: RobotModel) -> None:
@@ -275,7 +276,7 @@ class ForceOffsets:
         self._least_gain = period_s / OFFSET_MEMORY_S
         self._ticks = self._count = self._sudden = 0
         self._gap: Array = np.zeros((2, 3))
-        self._offset: Array = np.zeros((2, 6))
+        self.offsets: Array = np.zeros((2, 6))
         self.found = [False, False]
 
     def correct(self, snapshot: Snapshot) -> Snapshot:
@@ -289,7 +290,7 @@ class ForceOffsets:
         self._ticks += 1
         if not any(self.found):
             return snapshot
-        left, right = self._offset
+        left, right = self.offsets
         return replace(
             snapshot,
             ft_left=snapshot.ft_left - left,
@@ -314,7 +315,7 @@ class ForceOffsets:
             if math.sqrt(along @ along) > self._limit:
                 self.found[side] = True
             if self.found[side]:
-                self._offset[side, :3] = along
+                self.offsets[side, :3] = along
 
     def _look_for_sudden(self, change: Array) -> None:
         """Restart the average when a force along a sole suddenly gets an offset.

@@ -27,9 +27,12 @@ LIGHT_SHARE: Final = 0.5
 """Part of the weight below which a foot counts as light [1]."""
 RETURN_SHARE: Final = 0.5
 """Part of the limits within which a doubted foot's pressure is believed again [1]."""
-SUDDEN_SHARE: Final = 0.25
-"""Way of the pressure in a tick that is sudden, as a part of the sole's half, for a
-foot that carries half of the weight [1]."""
+SUDDEN_SHARE: Final = 0.5
+SUDDEN_TICK_S: Final = 0.001
+"""Way of the pressure in such a tick that is sudden, as a part of the sole's half, for
+a foot that carries half of the weight [1, s]. In longer ticks it is up to the half."""
+LOAD_ERROR: Final = 1.25
+"""Moment over that which a change of the load can bring: sensors have scale errors."""
 Feet = tuple[bool, bool]
 NEITHER: Final[Feet] = (False, False)
 
@@ -106,16 +109,19 @@ def _sum(
 
 
 class SoleCheck:
-    """Tells moments that would take a foot's pressure outside of its sole.
+    """Tells false moments: those that suddenly press outside of a sole.
 
     Of the wrench at the sole, without the weight below the sensor, let f_z be the
     normal force and m_y the pitch moment; then abs(m_y) <= f_z * half length, and alike
     for roll. A law that follows a false moment turns the foot until the reading is
     possible again, so the check speaks at once. Pressure that gets outside little by
-    little is believed: a foot tips, and its sensor has a constant offset.
+    little is believed: a foot tips, and its sensor has a constant offset. So is one
+    that a force along the sole brings, a matter of :class:`ForceOffsets`.
     """
 
-    def __init__(self, model: RobotModel, *, margin: float) -> None:
+    def __init__(
+        self, model: RobotModel, *, margin: float, offsets: Array | None = None
+    ) -> None:
         """Precompute the maps from both sensors to the soles.
 
         Args:
@@ -123,21 +129,29 @@ class SoleCheck:
             margin: distance outside of a sole that is still believed [m]. Below half of
                 the robot's weight it counts as if the foot carried that much: on a
                 light foot, noise and the foot's own inertia move the pressure further.
+            offsets: (2, 6) known offsets of left and right sensor, which may change.
         """
-        self._map: Mat = np.zeros((6, 12))
-        self._weight: Array = np.zeros(6)
-        self._wrench: Array = np.zeros(12)
-        self._pressed: Array = np.zeros(6)
+        self._map: Mat = np.zeros((10, 12))
+        self._weight: Array = np.zeros(10)
+        self._offsets: Array = np.zeros((2, 6)) if offsets is None else offsets
+        self._wrench: Array = np.zeros((2, 6))
+        self._flat = self._wrench.reshape(12)
+        self._pressed: Array = np.zeros(10)
         self._halves = model.half_sizes
         self._margin, self._light = margin, LIGHT_SHARE * model.weight
-        self._believed = [(math.inf, math.inf, math.inf)] * 2
+        ticks = model.robot.period_s / SUDDEN_TICK_S
+        self._sudden = min(1.0, SUDDEN_SHARE * ticks) * self._light
+        self._believed: list[tuple[float, float, float] | None] = [None, None]
         for side, (T, plate) in enumerate(
             zip(model.T_sensor_sole, model.plates, strict=True)
         ):
-            rows, columns = slice(3 * side, 3 * side + 3), slice(6 * side, 6 * side + 6)
-            # Normal force, roll and pitch moment.
-            shift = wrench_shift(T.rotation, T.translation)[2:5]
-            lift = plate.mass * GRAVITY * T.rotation[:, 2]  # of a level foot
+            rows, columns = slice(5 * side, 5 * side + 5), slice(6 * side, 6 * side + 6)
+            # Normal force, roll and pitch moment; the two moments about the sole's
+            # middle at the sensor's height, where forces along the sole have no lever.
+            R, p = T.rotation, T.translation
+            raised = p - (R[:, 2] @ p) * R[:, 2]
+            shift = np.vstack((wrench_shift(R, p)[2:5], wrench_shift(R, raised)[3:5]))
+            lift = plate.mass * GRAVITY * R[:, 2]  # of a level foot
             self._map[rows, columns] = shift
             self._weight[rows] = shift @ np.concatenate(
                 (lift, np.cross(plate.com, lift))
@@ -147,39 +161,58 @@ class SoleCheck:
         """Return whether left and right foot report pressure outside of the sole.
 
         Args:
-            snapshot: the readings.
+            snapshot: the readings of a tick; to be called at every tick.
             doubted: feet whose pressure has been outside. It must come well within, by
                 :data:`RETURN_SHARE`: a false moment may be possible at times.
         """
-        wrench = self._wrench
-        wrench[:6], wrench[6:] = snapshot.ft_left, snapshot.ft_right
-        self._map.dot(wrench, out=self._pressed)
+        self._wrench[0], self._wrench[1] = snapshot.ft_left, snapshot.ft_right
+        self._wrench -= self._offsets
+        self._map.dot(self._flat, out=self._pressed)
         self._pressed += self._weight
-        left, right = self._pressed[:3].tolist(), self._pressed[3:].tolist()
+        numbers = self._pressed.tolist()
         return (
-            self._is_outside(0, left, is_doubted=doubted[0]),
-            self._is_outside(1, right, is_doubted=doubted[1]),
+            self._is_outside(0, *numbers[:5], is_doubted=doubted[0]),
+            self._is_outside(1, *numbers[5:], is_doubted=doubted[1]),
         )
 
-    def _is_outside(self, side: int, pressed: list[float], *, is_doubted: bool) -> bool:
+    def _is_outside(
+        self,
+        side: int,
+        normal: float,
+        roll: float,
+        pitch: float,
+        raised_roll: float,
+        raised_pitch: float,
+        *,
+        is_doubted: bool,
+    ) -> bool:
         """Judge a foot, and keep what is believed."""
-        normal, roll, pitch = pressed[0], abs(pressed[1]), abs(pressed[2])
-        normal_before, roll_before, pitch_before = self._believed[side]
         half_length, half_width = self._halves[side]
         light, carried = self._light, max(normal, 0.0)
-        outside = self._margin * max(normal, light)
-        if is_doubted:  # a load as in an impact would excuse any moment
-            carried, outside = min(carried, light), self._margin * light
-            roll, pitch = roll / RETURN_SHARE, pitch / RETURN_SHARE
-        # More load may bring more moment at once.
-        known = max(normal - normal_before, 0.0) + SUDDEN_SHARE * light
-        is_outside = (
-            roll > carried * half_width + outside
-            and (is_doubted or roll - roll_before > known * half_width)
-        ) or (
-            pitch > carried * half_length + outside
-            and (is_doubted or pitch - pitch_before > known * half_length)
+        # A false force along the sole presses outside at one height only.
+        roll, pitch = (
+            min(abs(roll), abs(raised_roll)),
+            min(abs(pitch), abs(raised_pitch)),
         )
-        if not is_outside and roll + pitch < math.inf:
-            self._believed[side] = normal, roll, pitch
+        if is_doubted:
+            # A load as in an impact would excuse any moment.
+            carried = min(carried, light / LIGHT_SHARE)
+            margin = self._margin * light
+            is_outside = abs(roll) > RETURN_SHARE * (
+                carried * half_width + margin
+            ) or abs(pitch) > RETURN_SHARE * (carried * half_length + margin)
+        else:
+            margin = self._margin * max(normal, light)
+            before = self._believed[side] or (normal, 0.0, 0.0)
+            sudden = LOAD_ERROR * max(normal - before[0], 0.0) + self._sudden
+            by_roll = math.copysign(1.0, raised_roll) * (raised_roll - before[1])
+            by_pitch = math.copysign(1.0, raised_pitch) * (raised_pitch - before[2])
+            is_outside = (
+                roll > carried * half_width + margin and by_roll > sudden * half_width
+            ) or (
+                pitch > carried * half_length + margin
+                and by_pitch > sudden * half_length
+            )
+        if not is_outside and normal + roll + pitch < math.inf:
+            self._believed[side] = normal, raised_roll, raised_pitch
         return is_outside

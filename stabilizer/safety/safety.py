@@ -101,8 +101,10 @@ class Safety:
         model = RobotModel(robot)
         soles: SoleCheck | None = None
         if robot.file.virtual_ft is None:
-            soles = SoleCheck(model, margin=settings.sole_margin_m)
             self._offsets = ForceOffsets(model)
+            soles = SoleCheck(
+                model, margin=settings.sole_margin_m, offsets=self._offsets.offsets
+            )
         else:
             self._virtual = VirtualWrenches(
                 model, robot.file.virtual_ft, period_s=robot.period_s

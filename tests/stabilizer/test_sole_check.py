@@ -112,12 +112,49 @@ def test_an_offset_of_the_sensor_shows_at_the_edge_and_is_believed(
 def test_a_doubted_foot_must_come_well_within(model: RobotModel, axis: int) -> None:
     check = SoleCheck(model, margin=MARGIN)
     doubted, half = (True, False), 0.5 * edge(model, axis)
-    for load in (0.5, 5.0):  # an impact makes any moment possible
-        heavy = reading(model, load=load)
-        wrong = with_false_moment(heavy, model, 0, axis, 1.5 * half)
+    # An impact would excuse any moment; so more than the weight does not count.
+    for load, limit in ((0.5, half), (1.0, 2.0 * half), (5.0, 2.0 * half)):
+        pressed = reading(model, load=load)
+        wrong = with_false_moment(pressed, model, 0, axis, 1.3 * limit)
         assert check.outside(wrong, doubted) == doubted
-        right = with_false_moment(heavy, model, 0, axis, 0.9 * half)
+        right = with_false_moment(pressed, model, 0, axis, 0.9 * limit)
         assert check.outside(right, doubted) == NEITHER
+
+
+@both_axes
+def test_a_moment_that_is_false_from_the_first_reading_on_is_told(
+    model: RobotModel, axis: int
+) -> None:
+    check = SoleCheck(model, margin=MARGIN)
+    moment = edge(model, axis) + 1.5 * MARGIN * 0.5 * model.weight
+    wrong = with_false_moment(reading(model), model, 0, axis, moment)
+    assert check.outside(wrong) == (True, False)
+
+
+@both_axes
+def test_a_moment_that_flips_its_sign_is_told(model: RobotModel, axis: int) -> None:
+    check = SoleCheck(model, margin=MARGIN)
+    tipping = reading(model, place=(1.0, 0.0) if axis == ROLL else (0.0, 1.0))
+    assert check.outside(tipping) == NEITHER
+    moment = -2.0 * edge(model, axis) - 1.5 * MARGIN * 0.5 * model.weight
+    wrong = with_false_moment(tipping, model, 0, axis, moment)
+    assert check.outside(wrong) == (True, False)
+
+
+@both_axes
+@pytest.mark.parametrize(("of_forces", "of_moments"), [(0.85, 1.0), (1.0, 1.2)])
+def test_a_sensor_with_a_wrong_scale_may_feel_an_impact(
+    model: RobotModel, axis: int, of_forces: float, of_moments: float
+) -> None:
+    check = SoleCheck(model, margin=MARGIN)
+    scale = np.array([of_forces] * 3 + [of_moments] * 3)
+    place = (1.0, 0.0) if axis == ROLL else (0.0, 1.0)
+    for load in (0.0, 1.0, 5.0, 2.0, 0.0):
+        felt = reading(model, place=place, load=load)
+        scaled = replace(
+            felt, ft_left=felt.ft_left * scale, ft_right=felt.ft_right * scale
+        )
+        assert check.outside(scaled) == NEITHER
 
 
 def test_a_tick_without_numbers_hides_no_jump(model: RobotModel) -> None:

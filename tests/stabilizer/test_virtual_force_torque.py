@@ -14,7 +14,7 @@ from surefoot.robot_io.identity import describe
 from surefoot.robot_io.robot import Robot, make_robot
 from surefoot.robot_io.snapshot import Snapshot
 from surefoot.schemas.arrays import Array
-from surefoot.schemas.reasons import Outcome, SensorTrouble
+from surefoot.schemas.reasons import Outcome, SensorTrouble, StabilizerState
 from surefoot.schemas.robot_file import VirtualForceTorque
 from surefoot.schemas.settings import SafetySettings
 from surefoot.stabilizer.estimation.wrenches import (
@@ -241,6 +241,22 @@ def test_two_feet_do_not_fight_what_a_sensor_invents(walker: Robot) -> None:
     assert not run.fell
     assert run.com_error_max_mm is not None
     assert max(run.com_error_max_mm[:2]) < 20.0
+
+
+@pytest.mark.usual("y")
+@pytest.mark.closed_loop
+@pytest.mark.parametrize("axis", ["x", "y"])
+def test_a_sudden_false_force_along_the_sole_costs_no_sensor(
+    walker: Robot, axis: str
+) -> None:
+    """Its moment about the sole presses far outside of it."""
+    false = {"sensor": "left_ankle_ft", "kind": "jump", "part": "force", "axis": axis}
+    times = {"start_s": 0.6, "duration_s": 5.0}
+    run = watched_run(walker, duration_s=2.0, fault=[{**false, **times, "size": 300.0}])
+    assert run.losses == {"left_ankle_ft": SensorTrouble.OFFSET}
+    assert run.states == [StabilizerState.ACTIVE]
+    assert run.com_error_max_mm is not None
+    assert max(run.com_error_max_mm) < 20.0
 
 
 def without_sensors(robot: Robot, **settings: float) -> Robot:

@@ -13,6 +13,8 @@ import pytest
 from surefoot import load_scenario, simulate
 from surefoot.robot_files.new_robot import NewRobot, NewRobotOptions, new_robot
 from surefoot.robot_io.errors import RobotFileError
+from surefoot.schemas.scenario import scenario_from_table
+from surefoot.sim_robot.plant import Plant
 from surefoot.stabilizer.model import RobotModel
 from surefoot.stabilizer.stance.nominal import stand
 from tests.awkward_robot import AWKWARD, make_awkward
@@ -132,6 +134,14 @@ def test_frames_at_the_ground_are_no_fall(tmp_path: Path) -> None:
     assert abs(robot.file.nominal_base_height_m) < 0.1
     scenario = msgspec.structs.replace(load_scenario("tilt-ramp-roll"), duration_s=1.5)
     assert simulate(robot, scenario, record=False).outcome.is_up
+    # What is fixed to a base without mass is shifted in its place.
+    places = []
+    for offset in ([0.0, 0.0, 0.0], [0.012, -0.004, 0.006]):
+        error = {"com_offset_m": offset}
+        table = {"name": "x", "start": {"settle_s": 0.0}, "model_error": error}
+        shifted = scenario_from_table({**table, "duration_s": 1.0}, source="x")
+        places.append(Plant(robot, shifted, seed=0).view.com.copy())
+    np.testing.assert_allclose(places[1] - places[0], offset, atol=1e-9)
 
 
 def test_a_knee_that_cannot_carry_bends_less(tmp_path: Path) -> None:
