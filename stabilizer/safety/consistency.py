@@ -190,17 +190,15 @@ class SoleCheck:
         half_length, half_width = self._halves[side]
         light, carried = self._light, max(normal, 0.0)
         # A false force along the sole presses outside at one height only.
-        roll, pitch = (
-            min(abs(roll), abs(raised_roll)),
-            min(abs(pitch), abs(raised_pitch)),
-        )
+        roll = min(abs(roll), abs(raised_roll))
+        pitch = min(abs(pitch), abs(raised_pitch))
         if is_doubted:
             # A load as in an impact would excuse any moment.
             carried = min(carried, light / LIGHT_SHARE)
             margin = self._margin * light
-            is_outside = abs(roll) > RETURN_SHARE * (
+            is_outside = roll > RETURN_SHARE * (
                 carried * half_width + margin
-            ) or abs(pitch) > RETURN_SHARE * (carried * half_length + margin)
+            ) or pitch > RETURN_SHARE * (carried * half_length + margin)
         else:
             margin = self._margin * max(normal, light)
             before = self._believed[side] or (normal, 0.0, 0.0)
