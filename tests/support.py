@@ -88,6 +88,17 @@ def with_rate(robot: Robot, rate_hz: float) -> Robot:
     return replace(robot, file=msgspec.structs.replace(robot.file, rate_hz=rate_hz))
 
 
+def with_knees(robot: Robot, share: float) -> Robot:
+    """Return a robot whose knees have only this share of their torque."""
+    joints = [
+        msgspec.structs.replace(joint, torque_limit_nm=share * joint.torque_limit_nm)
+        if joint.name.endswith("_knee")
+        else joint
+        for joint in robot.file.joint
+    ]
+    return replace(robot, file=msgspec.structs.replace(robot.file, joint=joints))
+
+
 def with_speeds(robot: Robot, speed_rad_s: float, *, only: str = "") -> Robot:
     """Return a robot whose joints are slower or faster, or those of some names only."""
     joints = [

@@ -155,6 +155,35 @@ def one_foot_share(model: RobotModel) -> float:
     Returns:
         The larger share of both knees; 0 for legs without one.
     """
+    return max((share for _, share in _loaded_legs(model)), default=0.0)
+
+
+def one_foot_sink(model: RobotModel) -> float:
+    """Return how far the CoM may sink from nominal while one foot carries the robot.
+
+    A knee then needs :data:`ONE_FOOT_SHARE` of its torque. By virtual work it needs the
+    weight times the change of the leg's length with its angle.
+
+    Returns:
+        The depth of the weaker leg [m], 0 if its nominal posture needs as much;
+        infinite for legs without a knee.
+    """
+    depths = [math.inf]
+    for leg, share in _loaded_legs(model):
+        nominal = model.nominal[leg.knee_index]
+        slopes = np.abs(np.gradient(leg.lengths, leg.angles))
+        shares = share * slopes / np.interp(nominal, leg.angles, slopes)
+        deeper = (leg.angles - nominal) * leg.bends > 0.0
+        length = np.interp(nominal, leg.angles, leg.lengths)
+        borne = length - leg.lengths[deeper & (shares <= ONE_FOOT_SHARE)]
+        weak = length - leg.lengths[deeper & (shares > ONE_FOOT_SHARE)]
+        first_weak = np.min(weak, initial=math.inf)
+        depths.append(np.max(borne[borne < first_weak], initial=0.0))
+    return float(min(depths))
+
+
+def _loaded_legs(model: RobotModel) -> list[tuple[Leg, float]]:
+    """Return legs, each with its knee's share of torque if it carries all; or none."""
     pin_model = model.pin_model
     try:
         legs = [
@@ -162,12 +191,12 @@ def one_foot_share(model: RobotModel) -> float:
             for id_, side in zip(model.sole_ids, ("left", "right"), strict=True)
         ]
     except RobotFileError:
-        return 0.0
+        return []
     knees = [leg.knee_index for leg in legs]
-    limits = model.torque_limit[knees]
     q = model.nominal_configuration()
     rows = [N_BASE_V + knee for knee in knees]
-    return float(np.max(knee_torques(pin_model, q, rows, model.sole_ids) / limits))
+    torques = knee_torques(pin_model, q, rows, model.sole_ids)
+    return list(zip(legs, torques / model.torque_limit[knees], strict=True))
 
 
 def reach_search(model: RobotModel) -> ReachSearch:

@@ -37,9 +37,13 @@ from surefoot.stabilizer.estimation.observer import (
 )
 from surefoot.stabilizer.model import GRAVITY, N_BASE_V, RobotModel
 from surefoot.stabilizer.qp import PiqpSolver, QpSolver, QpStatus
+from surefoot.stabilizer.stance.nominal import one_foot_sink
 from surefoot.stabilizer.walking.ground import HeightReference
 from surefoot.stabilizer.walking.walk import Walk
 from surefoot.stabilizer.whole_body.sway import Sway
+
+KNEES_S = 0.5
+"""Time constant of the lowest reference of the CoM when a walk begins or ends [s]."""
 
 
 class WholeBodyController(BalanceController):
@@ -128,6 +132,8 @@ class WholeBodyController(BalanceController):
         self._q_command: Array = np.zeros(self.model.n_a)
         self._v_joint: Array = np.zeros(self.model.n_a)
         self._ages = ReadingAges(period_s=robot.period_s)
+        self._deepest = self.model.com_travel[0]
+        self._one_foot_depth = -one_foot_sink(self.model)
         self._approach = Approach(period_s=robot.period_s)
         self._sway = Sway(
             settings.sway,
@@ -202,7 +208,11 @@ class WholeBodyController(BalanceController):
         dynamics, stance, walk = self.dynamics, self.stance, self.walk
         walk.update(state, dynamics, stance, law=self.law, tick=self._tick)
         stance.ground_acceleration[:2] = state.ground_acceleration
-        stance.limit_height(state.ground_height, travel=self.model.com_travel)
+        deepest, highest = self.model.com_travel
+        if walk.is_walking:  # a bent knee may not carry the robot alone
+            deepest = max(deepest, self._one_foot_depth)
+        self._deepest += self._dt / KNEES_S * (deepest - self._deepest)
+        stance.limit_height(state.ground_height, travel=(self._deepest, highest))
         stance.compare_base(state.R_world_base)
         shifts = self._shifts(state)
         for shift in shifts:

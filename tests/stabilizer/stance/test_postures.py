@@ -8,7 +8,13 @@ import pytest
 from surefoot.robot_io.robot import load_robot
 from surefoot.stabilizer.model import RobotModel
 from surefoot.stabilizer.stance.legs import find_leg
-from surefoot.stabilizer.stance.nominal import KNEE_ROOM_RAD, find_nominal
+from surefoot.stabilizer.stance.nominal import (
+    KNEE_ROOM_RAD,
+    ONE_FOOT_SHARE,
+    find_nominal,
+    one_foot_share,
+    one_foot_sink,
+)
 from surefoot.stabilizer.stance.solver import (
     Ground,
     GroundPose,
@@ -16,6 +22,7 @@ from surefoot.stabilizer.stance.solver import (
     StanceSolver,
     Wanted,
 )
+from tests.support import with_knees
 
 MODEL = RobotModel(load_robot("walker"))
 APART_M = 0.22
@@ -120,3 +127,31 @@ def test_knees_are_bent_for_the_travel_and_never_straight() -> None:
     sink, rise = found.com_travel_m
     assert sink < -0.1
     assert rise > 0.05
+
+
+@pytest.mark.parametrize("share", [0.45, 0.5, 0.6])
+def test_a_knee_that_carries_all_bends_until_its_torque_ends(share: float) -> None:
+    weak = RobotModel(with_knees(load_robot("walker"), share))
+    depth = one_foot_sink(weak)
+    bent = {}
+    for side, sole_id in zip(("left", "right"), weak.sole_ids, strict=True):
+        leg = find_leg(
+            weak.pin_model, sole_id, lower=weak.lower, upper=weak.upper, side=side
+        )
+        now = np.interp(weak.nominal[leg.knee_index], leg.angles, leg.lengths)
+        bent[leg.knee_index] = leg.bent((now - depth) / leg.longest)
+    found = solver().solve(
+        Wanted(q=weak.nominal, between=np.array([0.0, APART_M, 0.0]), joints=bent)
+    )
+    weak.nominal = found.q
+    assert one_foot_share(weak) == pytest.approx(ONE_FOOT_SHARE, abs=0.03)
+
+
+def test_a_knee_at_its_end_already_may_not_bend_at_all() -> None:
+    depths = [
+        one_foot_sink(RobotModel(with_knees(load_robot("walker"), share)))
+        for share in (0.4, 0.45, 0.6, 1.0)
+    ]
+    assert depths[0] == 0.0
+    assert depths == sorted(depths)
+    assert depths[-1] > -MODEL.com_travel[0]  # the Walker's own are never the limit

@@ -19,7 +19,7 @@ from surefoot.sim_robot.catalogue import load_scenario
 from surefoot.simulation import Simulation
 from surefoot.stabilizer.whole_body.controller import WholeBodyController
 from tests.stabilizer.closed_loop import NOISE
-from tests.support import with_speeds
+from tests.support import with_knees, with_speeds
 
 pytestmark = pytest.mark.closed_loop
 DCM_RMS_MM, PLACEMENT_MM, ODOMETRY_M = 10.0, 10.0, 0.01
@@ -49,6 +49,14 @@ def walk(
 def soles(sim: Simulation) -> Array:
     """Return (2, 2) true x and y of left and right sole [m]."""
     return np.array((sim.truth.sole_left[:2], sim.truth.sole_right[:2]))
+
+
+def test_knees_that_just_carry_the_robot_climb_a_stair(walker: Robot) -> None:
+    """Bent to keep the lower stair in reach, one of them would give way."""
+    scenario = msgspec.structs.replace(load_scenario("walk-stairs"), duration_s=6.0)
+    result = simulate(with_knees(walker, 0.44), scenario, record=False).result
+    assert not result.fell, result.outcome_detail
+    assert result.steps_done >= 1
 
 
 def test_walks_ahead_and_stands(walker: Robot) -> None:
