@@ -32,7 +32,7 @@ SUDDEN_TICK_S: Final = 0.001
 """Way of the pressure in such a tick that is sudden, as a part of the sole's half, for
 a foot that carries half of the weight [1, s]. In longer ticks it is up to the half."""
 LOAD_ERROR: Final = 1.25
-"""Moment over that which a change of the load can bring: sensors have scale errors."""
+"""Moment over that which a change of force can bring: sensors have scale errors."""
 Feet = tuple[bool, bool]
 NEITHER: Final[Feet] = (False, False)
 
@@ -116,7 +116,7 @@ class SoleCheck:
     for roll. A law that follows a false moment turns the foot until the reading is
     possible again, so the check speaks at once. Pressure that gets outside little by
     little is believed: a foot tips, and its sensor has a constant offset. So is one
-    that a force along the sole brings, a matter of :class:`ForceOffsets`.
+    that comes with a force: a blow, or a matter of :class:`ForceOffsets`.
     """
 
     def __init__(
@@ -131,26 +131,26 @@ class SoleCheck:
                 light foot, noise and the foot's own inertia move the pressure further.
             offsets: (2, 6) known offsets of left and right sensor, which may change.
         """
-        self._map: Mat = np.zeros((10, 12))
-        self._weight: Array = np.zeros(10)
+        self._map: Mat = np.zeros((14, 12))
+        self._weight: Array = np.zeros(14)
         self._offsets: Array = np.zeros((2, 6)) if offsets is None else offsets
         self._wrench: Array = np.zeros((2, 6))
         self._flat = self._wrench.reshape(12)
-        self._pressed: Array = np.zeros(10)
+        self._pressed: Array = np.zeros(14)
         self._halves = model.half_sizes
         self._margin, self._light = margin, LIGHT_SHARE * model.weight
         ticks = model.robot.period_s / SUDDEN_TICK_S
         self._sudden = min(1.0, SUDDEN_SHARE * ticks) * self._light
-        self._believed: list[tuple[float, float, float] | None] = [None, None]
+        self._believed: list[list[float] | None] = [None, None]
         for side, (T, plate) in enumerate(
             zip(model.T_sensor_sole, model.plates, strict=True)
         ):
-            rows, columns = slice(5 * side, 5 * side + 5), slice(6 * side, 6 * side + 6)
-            # Normal force, roll and pitch moment; the two moments about the sole's
+            rows, columns = slice(7 * side, 7 * side + 7), slice(6 * side, 6 * side + 6)
+            # Force, roll and pitch moment; the two moments about the sole's
             # middle at the sensor's height, where forces along the sole have no lever.
             R, p = T.rotation, T.translation
             raised = p - (R[:, 2] @ p) * R[:, 2]
-            shift = np.vstack((wrench_shift(R, p)[2:5], wrench_shift(R, raised)[3:5]))
+            shift = np.vstack((wrench_shift(R, p)[:5], wrench_shift(R, raised)[3:5]))
             lift = plate.mass * GRAVITY * R[:, 2]  # of a level foot
             self._map[rows, columns] = shift
             self._weight[rows] = shift @ np.concatenate(
@@ -171,22 +171,13 @@ class SoleCheck:
         self._pressed += self._weight
         numbers = self._pressed.tolist()
         return (
-            self._is_outside(0, *numbers[:5], is_doubted=doubted[0]),
-            self._is_outside(1, *numbers[5:], is_doubted=doubted[1]),
+            self._is_outside(0, numbers[:7], is_doubted=doubted[0]),
+            self._is_outside(1, numbers[7:], is_doubted=doubted[1]),
         )
 
-    def _is_outside(
-        self,
-        side: int,
-        normal: float,
-        roll: float,
-        pitch: float,
-        raised_roll: float,
-        raised_pitch: float,
-        *,
-        is_doubted: bool,
-    ) -> bool:
+    def _is_outside(self, side: int, felt: list[float], *, is_doubted: bool) -> bool:
         """Judge a foot, and keep what is believed."""
+        x, y, normal, roll, pitch, raised_roll, raised_pitch = felt
         half_length, half_width = self._halves[side]
         light, carried = self._light, max(normal, 0.0)
         # A false force along the sole presses outside at one height only.
@@ -201,10 +192,14 @@ class SoleCheck:
             ) or pitch > RETURN_SHARE * (carried * half_length + margin)
         else:
             margin = self._margin * max(normal, light)
-            before = self._believed[side] or (normal, 0.0, 0.0)
-            sudden = LOAD_ERROR * max(normal - before[0], 0.0) + self._sudden
-            by_roll = math.copysign(1.0, raised_roll) * (raised_roll - before[1])
-            by_pitch = math.copysign(1.0, raised_pitch) * (raised_pitch - before[2])
+            before = self._believed[side] or [x, y, normal, 0.0, 0.0, 0.0, 0.0]
+            # More load, or a blow against the foot, may bring more moment at once.
+            force = max(normal - before[2], 0.0) + math.hypot(
+                x - before[0], y - before[1]
+            )
+            sudden = LOAD_ERROR * force + self._sudden
+            by_roll = math.copysign(1.0, raised_roll) * (raised_roll - before[5])
+            by_pitch = math.copysign(1.0, raised_pitch) * (raised_pitch - before[6])
             is_outside = (
                 roll > carried * half_width + margin and by_roll > sudden * half_width
             ) or (
@@ -212,5 +207,5 @@ class SoleCheck:
                 and by_pitch > sudden * half_length
             )
         if not is_outside and normal + roll + pitch < math.inf:
-            self._believed[side] = normal, raised_roll, raised_pitch
+            self._believed[side] = felt
         return is_outside

@@ -196,7 +196,8 @@ def _loaded_legs(model: RobotModel) -> list[tuple[Leg, float]]:
     q = model.nominal_configuration()
     rows = [N_BASE_V + knee for knee in knees]
     torques = knee_torques(pin_model, q, rows, model.sole_ids)
-    return list(zip(legs, torques / model.torque_limit[knees], strict=True))
+    shares: list[float] = (torques / model.torque_limit[knees]).tolist()
+    return list(zip(legs, shares, strict=True))
 
 
 def reach_search(model: RobotModel) -> ReachSearch:

@@ -109,6 +109,18 @@ def test_an_offset_of_the_sensor_shows_at_the_edge_and_is_believed(
 
 
 @both_axes
+def test_a_blow_against_the_foot_is_believed(model: RobotModel, axis: int) -> None:
+    """It may hit above the sole, as a wall does; a false moment brings no force."""
+    check, still = SoleCheck(model, margin=MARGIN), reading(model)
+    assert check.outside(still) == NEITHER
+    moment = 1.4 * edge(model, axis)
+    hit = with_false_moment(still, model, 0, axis, moment)
+    blow = np.zeros(6)
+    blow[:3] = -model.weight * model.T_sensor_sole[0].rotation[:, 0]
+    assert check.outside(replace(hit, ft_left=hit.ft_left + blow)) == NEITHER
+
+
+@both_axes
 def test_a_doubted_foot_must_come_well_within(model: RobotModel, axis: int) -> None:
     check = SoleCheck(model, margin=MARGIN)
     doubted, half = (True, False), 0.5 * edge(model, axis)
