@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import os
+import random
 import socket
 import time
 from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
 from typing import TypeVar
@@ -22,6 +24,8 @@ PATIENCE_S = 300.0 * float(os.environ.get("SUREFOOT_TEST_PATIENCE", "1"))
 It is the only time limit of all tests. It only ends broken runs, so it is far longer
 than a slow and busy machine needs; nothing is measured by it.
 """
+TEST_PORTS = (18000, 32000)
+"""Range of ports to listen at, below those for outgoing connections."""
 _PAUSE_S = 0.01
 """Pause between checks [s]; shorter ones would slow what is waited for."""
 
@@ -45,11 +49,16 @@ def wait_until(
 
 
 def free_port() -> int:
-    """Return a TCP port at 127.0.0.1 on which nobody listens."""
-    with socket.socket() as probe:
-        probe.bind(("127.0.0.1", 0))
-        port: int = probe.getsockname()[1]
-        return port
+    """Return a TCP port at 127.0.0.1 on which nobody listens.
+
+    It is none of those that the system gives to outgoing connections: until the test
+    listens there, one of another test might take it.
+    """
+    while True:
+        port = random.SystemRandom().randrange(*TEST_PORTS)
+        with socket.socket() as probe, suppress(OSError):
+            probe.bind(("127.0.0.1", port))
+            return port
 
 
 def is_gone(process: int) -> bool:
