@@ -93,6 +93,7 @@ class Anchors:
         level: planned heights of the footholds, to which the base's height refers:
             those in ``p`` drift on turning ground [m].
         carrying: planned height of the carrying foothold, or by load between both [m].
+        relief: how much higher each foothold was found than planned [m].
         planted: whether each foot is where it was set down. Otherwise its anchor
             follows the foot.
         by_load: whether the heading is that of the carrying foot (walking) or the mean
@@ -111,6 +112,7 @@ class Anchors:
         self.yaw = list(yaws)
         self.level = [0.0, 0.0]
         self.carrying = 0.0
+        self.relief = [0.0, 0.0]
         self.planted = [True, True]
         self.by_load = False
 

@@ -10,6 +10,7 @@ legs' kinematics, so heaving ground is seen to heave. The observer calls it.
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 
 import numpy as np
 import pinocchio as pin
@@ -408,12 +409,13 @@ class Estimator:
 
         The point is half way between the IMU and the centre of mass.
         """
-        over = self._lift - self._anchor[2] + self._level()
+        over = self._lift - self._anchor[2]
+        over += self._by_load(self.anchors.level) + self._by_load(self.anchors.relief)
         return over, self._lift_rate + self._leg_velocity.item(2)
 
-    def _level(self) -> float:
-        """Return the planned height of the carrying foothold [m]."""
-        left, right = self.anchors.level
+    def _by_load(self, heights: Sequence[float]) -> float:
+        """Return the height of the carrying foothold, of both footholds' [m]."""
+        left, right = heights
         return self._left_share * left + (1.0 - self._left_share) * right
 
     def _acceleration(self, felt: float) -> float:
@@ -446,8 +448,10 @@ class Estimator:
         """Set the base's height from that of the filtered point."""
         self.height = self._vertical.height - self._lift
         self.height_rate = self._vertical.rate - self._lift_rate
-        self.anchors.carrying = level = self._level()
+        anchors = self.anchors
+        anchors.carrying = level = self._by_load(anchors.level)
         self.ground_height = self._vertical.ground + level
+        self.ground_height += self._by_load(anchors.relief)
 
     def _pull_yaw(self) -> None:
         """Keep the soles' mean yaw at the stance's, since yaw is not observable."""

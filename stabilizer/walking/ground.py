@@ -37,6 +37,8 @@ TOGETHER = (0.4, 0.7)
 second on the ground turns [1]."""
 STEEPEST = 0.3
 """Largest slope of expected ground [rad]."""
+RELIEF_M = 0.003
+"""A foothold that seems less high over or under the other one is level with it [m]."""
 
 
 class GroundMotion(Protocol):
@@ -135,6 +137,65 @@ class ExpectedGround:
         if self.under is None:
             self.middle_over_support = 0.0
 
+    def find_relief(
+        self, soles: SolesAndCom, F_meas: Array, anchors: Anchors, *, moved: int
+    ) -> None:
+        """Find how much higher than planned a foothold is than the other one.
+
+        While both soles are pressed, the legs tell. Soles that turn as one ground, or
+        lie in one plane within half the agreement, show the height of that plane.
+
+        Args:
+            soles: at the present state.
+            F_meas: (12,) wrenches of the ground on the soles.
+            anchors: gets the relief.
+            moved: the foot that was set down last.
+        """
+        if min(F_meas.item(2), F_meas.item(8)) <= PRESSED_N:
+            return
+        support = 1 - moved
+        mean, trust = self._common(soles)
+        slope = max(self.turns, trust**4)
+        n_x, n_y, n_z = (_UP + slope * (mean - _UP)).tolist()
+        (x, y, z), (from_x, from_y, from_z) = (
+            self._ground_at(side, soles, F_meas) for side in (moved, support)
+        )
+        rise = z - from_z + ((x - from_x) * n_x + (y - from_y) * n_y) / n_z
+        rise -= anchors.level[moved] - anchors.level[support]
+        if abs(rise) < RELIEF_M:
+            rise = 0.0
+        relief = anchors.relief
+        relief[moved] += self._blend * (relief[support] + rise - relief[moved])
+
+    def _ground_at(
+        self, side: int, soles: SolesAndCom, F_meas: Array
+    ) -> tuple[float, float, float]:
+        """Return the place of the ground under a sole, world [m]: its middle.
+
+        Of a tipping sole it is the pressed point, which alone stays on the ground.
+        """
+        x, y, roll_room, pitch_room = self._pressed(side, F_meas)
+        x, y = x * (1.0 - pitch_room), y * (1.0 - roll_room)
+        place, R = soles.p_sole[side].tolist(), soles.R_world_sole[side].tolist()
+        p_x, p_y, p_z = (
+            p + x * row[0] + y * row[1] for p, row in zip(place, R, strict=True)
+        )
+        return p_x, p_y, p_z
+
+    def _pressed(self, side: int, F_meas: Array) -> tuple[float, float, float, float]:
+        """Return a sole's centre of pressure, and its rooms about roll and pitch.
+
+        Returns:
+            x and y, sole frame [m]; 1 while the pressure is off the edges over which
+            the sole would roll, and pitch, and 0 at these edges [1].
+        """
+        _, _, normal, m_x, m_y, _ = F_meas[SOLE_ROWS[side]].tolist()
+        half_length, half_width = self._half_sizes[side]
+        pressed = max(normal, LEAST_FORCE_N)
+        x = min(max(-m_y / pressed, -half_length), half_length)
+        y = min(max(m_x / pressed, -half_width), half_width)
+        return x, y, _room(abs(y) / half_width), _room(abs(x) / half_length)
+
     def carry(self, dynamics: Dynamics, law: ForceFeedback) -> None:
         """Make a landing foot move with its ground.
 
@@ -227,12 +288,7 @@ class ExpectedGround:
         v_x, v_y, v_z, w_x, w_y, _ = law.ground_twist[rows].tolist()
         v_x, v_y, v_z = share * v_x, share * v_y, share * v_z
         w_x, w_y = share * w_x, share * w_y
-        _, _, normal, m_x, m_y, _ = F_meas[rows].tolist()
-        half_length, half_width = self._half_sizes[support]
-        pressed = max(normal, LEAST_FORCE_N)
-        x = min(max(-m_y / pressed, -half_length), half_length)
-        y = min(max(m_x / pressed, -half_width), half_width)
-        roll_room, pitch_room = _room(abs(y) / half_width), _room(abs(x) / half_length)
+        x, y, roll_room, pitch_room = self._pressed(support, F_meas)
         shares = self.edge_share
         shares[0] += blend * (roll_room - shares[0])
         shares[1] += blend * (pitch_room - shares[1])

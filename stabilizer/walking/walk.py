@@ -252,6 +252,9 @@ class Walk:
             self.feet.set_down(move.side)
         self._note_touchdowns(soles)
         self._ground.update(soles, law, state.F_meas, feet=self.feet)
+        moved = self._told.moved
+        if moved is not None and self.feet.airborne is None:
+            self._ground.find_relief(soles, state.F_meas, self._anchors, moved=moved)
         self._told.ahead = self._ahead()
         self.gait.advance(self._footholds(), self._told.ahead, pause_at=pause_at)
         self._adjust(soles)

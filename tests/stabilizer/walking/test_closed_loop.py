@@ -59,6 +59,19 @@ def test_knees_that_just_carry_the_robot_climb_a_stair(walker: Robot) -> None:
     assert result.steps_done >= 1
 
 
+def test_knows_its_height_on_tiles_of_any_height(walker: Robot) -> None:
+    """Taken for the motion of level ground, they spoilt the height by 34 mm."""
+    sim = Simulation(walker, load_scenario("walk-tiles"))
+    controller = WholeBodyController(walker, ControllerSettings())
+    error = 0.0
+    while not sim.finished and sim.time_s < 11.0:
+        sim.step(controller)
+        height = controller.dynamics.p_com.item(2)
+        error = max(error, abs(height - sim.truth.com.item(2)))
+    assert not sim.result().fell
+    assert error < 0.015
+
+
 def test_walks_ahead_and_stands(walker: Robot) -> None:
     result, controller, feet = walk(walker, 4.6, velocity_m_s=0.4, **QUICK)
     assert result.outcome is Outcome.WALKED, result.outcome_detail

@@ -119,6 +119,61 @@ def test_two_pressed_soles_are_believed_as_far_as_they_agree(
     assert bool(off < np.radians(0.6)) is is_believed
 
 
+def two_feet(*, rise: float, tilts_deg: tuple[float, float] = (0.0, 0.0)) -> Any:
+    """Soles 0.3 m behind each other, pitched [deg], the left one higher [m]."""
+    R = [Rotation.from_euler("y", np.radians(t)).as_matrix() for t in tilts_deg]
+    places = [np.array([0.3, 0.11, rise]), np.array([0.0, -0.11, 0.0])]
+    return SimpleNamespace(R_world_sole=R, p_sole=places, v_sole=np.zeros(12))
+
+
+PITCH = float(np.radians(5.0))
+
+
+@pytest.mark.parametrize(
+    ("soles", "level", "found"),
+    [
+        (two_feet(rise=0.02), 0.0, 0.02),
+        (two_feet(rise=-0.02), 0.0, -0.02),
+        (two_feet(rise=0.02, tilts_deg=(3.0, -4.0)), 0.0, 0.02),
+        (two_feet(rise=0.17), 0.15, 0.02),
+        (two_feet(rise=0.15), 0.15, 0.0),
+        (two_feet(rise=0.002), 0.0, 0.0),
+        (two_feet(rise=-0.3 * np.tan(PITCH), tilts_deg=(5.0, 5.0)), 0.0, 0.0),
+    ],
+    ids=["up", "down", "tilted", "off the plan", "as planned", "noise", "slope"],
+)
+def test_a_foothold_that_is_not_at_its_planned_height_is_found(
+    soles: Any, level: float, found: float
+) -> None:
+    ground = ExpectedGround(WalkSettings(), half_sizes=HALF_SIZES, period_s=DT)
+    anchors = Anchors([np.zeros(3), np.zeros(3)], [0.0, 0.0])
+    anchors.level[0] = level
+    anchors.relief[1] = 0.01  # that of the foot behind, from before
+    F = np.zeros(12)
+    for _ in range(500):  # a foot that carries nothing shows no ground
+        ground.find_relief(soles, F, anchors, moved=0)
+    assert anchors.relief == [0.0, 0.01]
+    F[[2, 8]] = 0.5 * WEIGHT_N
+    for _ in range(500):
+        ground.find_relief(soles, F, anchors, moved=0)
+    assert anchors.relief == pytest.approx([0.01 + found, 0.01], abs=0.001)
+
+
+def test_the_ground_under_a_tipping_sole_is_at_its_pressed_edge() -> None:
+    """The heel rises as the foot rolls off: the ground does not."""
+    ground = ExpectedGround(WalkSettings(), half_sizes=HALF_SIZES, period_s=DT)
+    anchors = Anchors([np.zeros(3), np.zeros(3)], [0.0, 0.0])
+    length, pitch = HALF_SIZES[1][0], np.radians(8.0)
+    soles = two_feet(rise=0.02, tilts_deg=(0.0, 8.0))
+    soles.p_sole[1][2] = length * np.sin(pitch)  # about its front edge, at zero
+    F = np.zeros(12)
+    F[[2, 8]] = 0.5 * WEIGHT_N
+    F[10] = -F[8] * length
+    for _ in range(500):
+        ground.find_relief(soles, F, anchors, moved=0)
+    assert anchors.relief[0] == pytest.approx(0.02, abs=0.001)
+
+
 def follow(
     heights: HeightReference, stance: Any, height: float, anchors: Anchors
 ) -> None:
