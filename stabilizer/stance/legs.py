@@ -1,7 +1,8 @@
-"""Body and legs of a robot, found from its kinematics."""
+"""Body and legs of a robot, found from its kinematics, and what its knees carry."""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise
@@ -11,6 +12,7 @@ import pinocchio as pin
 
 from surefoot.robot_io.errors import RobotFileError
 from surefoot.schemas.arrays import Array, Mat, Vec3
+from surefoot.stabilizer.model import N_BASE_V, RobotModel
 
 SNAP_RAD = np.radians(15.0)
 """Angle to an axis of a link within which a direction snaps to it [rad]."""
@@ -19,6 +21,8 @@ LEAST_APART_M = 0.02
 _SAMPLES = 181
 LEAST_BEND = 0.02
 """Part of its length by which some joint must shorten a leg with a knee."""
+ONE_FOOT_SHARE = 0.85
+"""Part of a knee's torque for carrying the robot alone; the rest moves it."""
 
 
 @dataclass(frozen=True)
@@ -270,3 +274,54 @@ def _lengths(model: pin.Model, middle: int, after: int, angles: Array) -> Array:
         moved = data.M.rotation @ down + data.M.translation
         lengths[i] = float(np.linalg.norm(up + R @ moved))
     return lengths
+
+
+def one_foot_share(model: RobotModel) -> float:
+    """Return the part of its torque that a knee needs to carry the robot alone.
+
+    Returns:
+        The larger share of both knees; 0 for legs without one.
+    """
+    return max((share for _, share in _loaded_legs(model)), default=0.0)
+
+
+def one_foot_sink(model: RobotModel) -> float:
+    """Return how far the CoM may sink from nominal while one foot carries the robot.
+
+    A knee then needs :data:`ONE_FOOT_SHARE` of its torque. By virtual work it needs the
+    weight times the change of the leg's length with its angle.
+
+    Returns:
+        The depth of the weaker leg [m], 0 if its nominal posture needs as much;
+        infinite for legs without a knee.
+    """
+    depths = [math.inf]
+    for leg, share in _loaded_legs(model):
+        nominal = model.nominal[leg.knee_index]
+        slopes = np.abs(np.gradient(leg.lengths, leg.angles))
+        shares = share * slopes / np.interp(nominal, leg.angles, slopes)
+        deeper = (leg.angles - nominal) * leg.bends > 0.0
+        length = np.interp(nominal, leg.angles, leg.lengths)
+        borne = length - leg.lengths[deeper & (shares <= ONE_FOOT_SHARE)]
+        weak = length - leg.lengths[deeper & (shares > ONE_FOOT_SHARE)]
+        first_weak = np.min(weak, initial=math.inf)
+        depths.append(np.max(borne[borne < first_weak], initial=0.0))
+    return float(min(depths))
+
+
+def _loaded_legs(model: RobotModel) -> list[tuple[Leg, float]]:
+    """Return legs, each with its knee's share of torque if it carries all; or none."""
+    pin_model = model.pin_model
+    try:
+        legs = [
+            find_leg(pin_model, id_, lower=model.lower, upper=model.upper, side=side)
+            for id_, side in zip(model.sole_ids, ("left", "right"), strict=True)
+        ]
+    except RobotFileError:
+        return []
+    knees = [leg.knee_index for leg in legs]
+    q = model.nominal_configuration()
+    rows = [N_BASE_V + knee for knee in knees]
+    torques = knee_torques(pin_model, q, rows, model.sole_ids)
+    shares: list[float] = (torques / model.torque_limit[knees]).tolist()
+    return list(zip(legs, shares, strict=True))

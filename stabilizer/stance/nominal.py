@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from surefoot.robot_io.errors import RobotFileError
 from surefoot.schemas.arrays import Array, Mat, Vec3
 from surefoot.stabilizer.model import GRAVITY, N_BASE_V, RobotModel
-from surefoot.stabilizer.stance.legs import Leg, find_leg, knee_torques
+from surefoot.stabilizer.stance.legs import ONE_FOOT_SHARE, Leg, find_leg, knee_torques
 from surefoot.stabilizer.stance.solver import (
     Found,
     Reach,
@@ -32,8 +32,6 @@ MARGIN_RAD = 0.02
 """Margin to the ends of all joint ranges."""
 RISE_SHARE, SINK_SHARE = 0.14, 0.24
 """Default travel, as a part of the leg's length."""
-ONE_FOOT_SHARE = 0.85
-"""Part of a knee's torque for carrying the robot alone; the rest moves it."""
 KEPT_SHARE = 0.9
 """Part of the found reach that the controller is told."""
 
@@ -147,57 +145,6 @@ def capture_limits(model: RobotModel) -> Array:
         metres = max(0.0, float(np.min(room[ahead] / towards[ahead])))
         impulses[i] = model.mass * math.sqrt(GRAVITY / height) * metres
     return impulses
-
-
-def one_foot_share(model: RobotModel) -> float:
-    """Return the part of its torque that a knee needs to carry the robot alone.
-
-    Returns:
-        The larger share of both knees; 0 for legs without one.
-    """
-    return max((share for _, share in _loaded_legs(model)), default=0.0)
-
-
-def one_foot_sink(model: RobotModel) -> float:
-    """Return how far the CoM may sink from nominal while one foot carries the robot.
-
-    A knee then needs :data:`ONE_FOOT_SHARE` of its torque. By virtual work it needs the
-    weight times the change of the leg's length with its angle.
-
-    Returns:
-        The depth of the weaker leg [m], 0 if its nominal posture needs as much;
-        infinite for legs without a knee.
-    """
-    depths = [math.inf]
-    for leg, share in _loaded_legs(model):
-        nominal = model.nominal[leg.knee_index]
-        slopes = np.abs(np.gradient(leg.lengths, leg.angles))
-        shares = share * slopes / np.interp(nominal, leg.angles, slopes)
-        deeper = (leg.angles - nominal) * leg.bends > 0.0
-        length = np.interp(nominal, leg.angles, leg.lengths)
-        borne = length - leg.lengths[deeper & (shares <= ONE_FOOT_SHARE)]
-        weak = length - leg.lengths[deeper & (shares > ONE_FOOT_SHARE)]
-        first_weak = np.min(weak, initial=math.inf)
-        depths.append(np.max(borne[borne < first_weak], initial=0.0))
-    return float(min(depths))
-
-
-def _loaded_legs(model: RobotModel) -> list[tuple[Leg, float]]:
-    """Return legs, each with its knee's share of torque if it carries all; or none."""
-    pin_model = model.pin_model
-    try:
-        legs = [
-            find_leg(pin_model, id_, lower=model.lower, upper=model.upper, side=side)
-            for id_, side in zip(model.sole_ids, ("left", "right"), strict=True)
-        ]
-    except RobotFileError:
-        return []
-    knees = [leg.knee_index for leg in legs]
-    q = model.nominal_configuration()
-    rows = [N_BASE_V + knee for knee in knees]
-    torques = knee_torques(pin_model, q, rows, model.sole_ids)
-    shares: list[float] = (torques / model.torque_limit[knees]).tolist()
-    return list(zip(legs, shares, strict=True))
 
 
 def reach_search(model: RobotModel) -> ReachSearch:

@@ -18,11 +18,10 @@ from surefoot.sim_robot.catalogue import list_scenarios, load_scenario
 from surefoot.sim_robot.conventions import SIM_STEP_S
 from surefoot.stabilizer.factory import check_settings
 from surefoot.stabilizer.model import RobotModel
+from surefoot.stabilizer.stance.legs import ONE_FOOT_SHARE, one_foot_share
 from surefoot.stabilizer.stance.nominal import (
-    ONE_FOOT_SHARE,
     Standing,
     capture_limits,
-    one_foot_share,
     reach_search,
     stand,
 )

@@ -14,11 +14,8 @@ from surefoot.schemas.scenario import Platform, Push, Scenario
 from surefoot.schemas.settings import WalkSettings
 from surefoot.sim_robot.motion import motion_law
 from surefoot.stabilizer.model import RobotModel
-from surefoot.stabilizer.stance.nominal import (
-    capture_limits,
-    one_foot_share,
-    reach_search,
-)
+from surefoot.stabilizer.stance.legs import one_foot_share
+from surefoot.stabilizer.stance.nominal import capture_limits, reach_search
 from surefoot.stabilizer.stance.solver import Ground, GroundPose, ReachSearch
 from surefoot.stabilizer.walking.footsteps import (
     SIDES,

@@ -7,14 +7,13 @@ import pytest
 
 from surefoot.robot_io.robot import load_robot
 from surefoot.stabilizer.model import RobotModel
-from surefoot.stabilizer.stance.legs import find_leg
-from surefoot.stabilizer.stance.nominal import (
-    KNEE_ROOM_RAD,
+from surefoot.stabilizer.stance.legs import (
     ONE_FOOT_SHARE,
-    find_nominal,
+    find_leg,
     one_foot_share,
     one_foot_sink,
 )
+from surefoot.stabilizer.stance.nominal import KNEE_ROOM_RAD, find_nominal
 from surefoot.stabilizer.stance.solver import (
     Ground,
     GroundPose,

@@ -14,7 +14,7 @@ from surefoot.schemas.reasons import Outcome
 from surefoot.schemas.scenario import Scenario
 from surefoot.stabilizer.dynamics import Dynamics
 from surefoot.stabilizer.model import RobotModel
-from surefoot.stabilizer.stance.nominal import ONE_FOOT_SHARE, one_foot_share
+from surefoot.stabilizer.stance.legs import ONE_FOOT_SHARE, one_foot_share
 from tests.humanoids import make_humanoid
 
 LEVEL_M, LEVEL_RAD = 1e-4, 1e-3

@@ -27,10 +27,10 @@ from surefoot.sim_robot.catalogue import load_scenario
 from surefoot.sim_robot.plant import Plant
 from surefoot.sim_robot.pushes import CaptureLimit
 from surefoot.stabilizer.model import RobotModel
+from surefoot.stabilizer.stance.legs import one_foot_share
 from surefoot.stabilizer.stance.nominal import (
     DIRECTIONS,
     capture_limits,
-    one_foot_share,
     reach_search,
     stand,
 )
