@@ -43,7 +43,8 @@ def joints_swapped(s: Snapshot, tick: int) -> Snapshot:
 
 
 def degrees(s: Snapshot, tick: int) -> Snapshot:
-    return replace(s, q=np.degrees(s.q))
+    """Read degrees but for the first time: a driver refuses to start from those."""
+    return replace(s, q=np.degrees(s.q)) if tick > 0 else s
 
 
 def in_g(s: Snapshot, tick: int) -> Snapshot:
