@@ -11,8 +11,12 @@ from surefoot.schemas.robot_file import NonNegative, Positive, Side
 from surefoot.schemas.toml_file import FileStruct
 
 DelayMs = Annotated[float, msgspec.Meta(ge=0.0, le=1000.0)]
-PerJoint = NonNegative | dict[str, NonNegative]
-"""One number for all joints, or by joint."""
+Scale = Annotated[float, msgspec.Meta(ge=0.01, le=10.0)]
+"""One quantity over another, such as reading over truth."""
+Play = Annotated[float, msgspec.Meta(ge=0.0, le=0.5)]
+EncoderStep = Annotated[float, msgspec.Meta(ge=0.0, le=0.1)]
+EncoderOffset = Annotated[float, msgspec.Meta(ge=-1.0, le=1.0)]
+Friction = Annotated[float, msgspec.Meta(ge=0.0, le=1000.0)]
 
 
 class Start(FileStruct, frozen=True, kw_only=True):
@@ -41,7 +45,7 @@ class Payload(FileStruct, frozen=True, kw_only=True):
 
     link: str
     """Link of the URDF."""
-    mass_kg: Positive
+    mass_kg: Annotated[float, msgspec.Meta(gt=0.0, le=1000.0)]
     """Mass, as a ball of twice the density of water."""
     offset_m: Near3 = msgspec.field(default_factory=lambda: [0.0, 0.0, 0.0])
     """Middle of the ball in the link's frame, up to 3 m off along each axis."""
@@ -52,19 +56,19 @@ class Payload(FileStruct, frozen=True, kw_only=True):
 class ModelError(FileStruct, frozen=True, kw_only=True):
     """Differences between the robot and the controller's model of it."""
 
-    mass_scale: Positive = 1.0
+    mass_scale: Scale = 1.0
     """True mass of the robot over the modelled one."""
-    servo_kp_scale: Positive = 1.0
+    servo_kp_scale: Scale = 1.0
     """True stiffness of the servos over the modelled one."""
-    servo_lag_scale: Positive = 1.0
+    servo_lag_scale: Scale = 1.0
     """True lag of the servos over that of their profile."""
-    com_offset_m: Floats3 = msgspec.field(default_factory=lambda: [0.0, 0.0, 0.0])
+    com_offset_m: Near3 = msgspec.field(default_factory=lambda: [0.0, 0.0, 0.0])
     """True CoM of the whole robot minus the modelled one: ahead, left and up. The mass
     of the base link is shifted to get it."""
-    backlash_rad: PerJoint = 0.0
+    backlash_rad: Play | dict[str, Play] = 0.0
     """Play between servo and joint, end to end, within which no torque passes: one
     number for all joints, or by joint. Encoders sit on the joint's side."""
-    joint_friction_nm: PerJoint = 0.0
+    joint_friction_nm: Friction | dict[str, Friction] = 0.0
     """Dry friction: one number for all joints, or by joint."""
     gravity_m_s2: Annotated[float, msgspec.Meta(ge=1.0, le=30.0)] = 9.81
     """True gravity; the controller assumes 9.81."""
@@ -153,7 +157,6 @@ class DeviationSides(FileStruct, frozen=True, kw_only=True):
     """Value of the right foot."""
 
 
-Scale = Annotated[float, msgspec.Meta(gt=0.0, le=10.0)]
 ScaleAxes = Scale | Annotated[list[Scale], msgspec.Meta(min_length=3, max_length=3)]
 """Reading over truth: one number for all axes, or x, y and z."""
 
@@ -219,10 +222,10 @@ class Sensors(FileStruct, frozen=True, kw_only=True):
     """Gyroscope: growth of the offset [rad/s/min]."""
     accel_drift_m_s2_min: Axes = 0.0
     """Accelerometer: growth of the offset [m/s^2/min]."""
-    encoder_resolution_rad: NonNegative = 0.0
+    encoder_resolution_rad: EncoderStep = 0.0
     """Step size of the joint position readings. Velocities are low-passed differences
     of them; exact when 0."""
-    encoder_offset_rad: float | dict[str, float] = 0.0
+    encoder_offset_rad: EncoderOffset | dict[str, EncoderOffset] = 0.0
     """Reading minus true position: one number for all joints, or by joint."""
     force_torque_rate_hz: Positive | None = None
     """Rate of the ankle sensors; absent: every tick."""

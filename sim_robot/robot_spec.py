@@ -20,7 +20,7 @@ from surefoot.schemas.arrays import Array, Mat, Vec3
 from surefoot.schemas.messages import ForceTorque, ImuState
 from surefoot.schemas.robot_file import Foot
 from surefoot.schemas.scenario import Scenario
-from surefoot.schemas.scenario_robot import PerJoint, Start
+from surefoot.schemas.scenario_robot import Start
 from surefoot.schemas.sensors import of_kind
 from surefoot.schemas.validation import nearest
 from surefoot.sim_robot.errors import ScenarioError
@@ -198,7 +198,9 @@ def _add_drives(spec: mujoco.MjSpec, robot: Robot, *, kp_scale: float) -> None:
         servo.biasprm[2] = -entry.kd_nm_s_rad
 
 
-def _add_friction(spec: mujoco.MjSpec, robot: Robot, friction: PerJoint) -> None:
+def _add_friction(
+    spec: mujoco.MjSpec, robot: Robot, friction: float | dict[str, float]
+) -> None:
     """Add dry friction to the friction of the URDF."""
     added = per_joint(friction, robot, what="model_error.joint_friction_nm")
     for name, value in zip(robot.joint_names, added, strict=True):

@@ -12,14 +12,14 @@ import tempfile
 from collections.abc import Iterable, Mapping, Sequence
 from contextlib import nullcontext
 from dataclasses import dataclass
-from itertools import product
+from itertools import chain, product
 from pathlib import Path
 from typing import Any
 
 from surefoot.errors import UsageError
 from surefoot.presentation import CountBar, no_bar
 from surefoot.schemas.scenario import Scenario
-from surefoot.schemas.settings import setting_names
+from surefoot.schemas.settings import build_settings, setting_names
 from surefoot.schemas.validation import nearest
 from surefoot.stabilizer.factory import check_read
 from surefoot.studies.cell import (
@@ -168,10 +168,13 @@ def make_cells(
             + ("fewer" if runs else "some")
             + " scenarios, values, controllers and seeds"
         )
-    for path in varied:
-        section, known = path.partition(".")[0], setting_names()
+    for path, value in chain.from_iterable(levels):
+        section, _, name = path.partition(".")
+        known = setting_names()
         if section in SETTINGS_ONLY and path not in known:
             raise UsageError(f"--vary {path}: no such setting{nearest(path, known)}")
+        if path in known:
+            build_settings({section: {name: value}}, overrides=[], source="--vary")
     variants = [find_variant(name) for name in controllers]
     check_read(varied, {variant.controller for variant in variants}, option="--vary")
     groups = [

@@ -266,7 +266,12 @@ def draw_curves(
         axes.annotate(
             mark[1], (mark[0], 0.03), xytext=(4, 0), textcoords="offset points"
         )
-    axes.set(xlabel=xlabel, ylabel="stayed up", title=title, ylim=(-0.03, 1.03))
+    axes.set(
+        xlabel=xlabel,
+        ylabel="stayed up, with 95 % band",
+        title=title,
+        ylim=(-0.03, 1.03),
+    )
     return svg_of(figure)
 
 

@@ -109,6 +109,7 @@ def test_settings_are_varied_as_scenario_values_are(
     for name, said in (
         ("dik.stance_lek", "did you mean 'dik.stance_leak'?"),
         ("zmp.com_weight", "would not read it"),
+        ("dik.k_force", "--vary: dik.k_force[0]: got 1"),
     ):
         done = surefoot_here(
             *words[:2], "--vary", f"{name}=1,2", "--out", tmp_path / "x"

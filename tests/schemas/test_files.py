@@ -164,7 +164,12 @@ def test_no_refusal_offers_what_toml_has_not(scenario_file: Path) -> None:
         ),
         (HEAD + "[sensors]\nforce_noise_n = -1", "sensors.force_noise_n"),
         (HEAD + "[delay]\ncommand_ms = -1", "delay.command_ms"),
-        (HEAD + "[model_error]\nmass_scale = 0", "model_error.mass_scale"),
+        (HEAD + "[model_error]\nmass_scale = 0.001", "model_error.mass_scale"),
+        (HEAD + "[model_error]\nbacklash_rad = 2", "model_error.backlash_rad"),
+        (
+            HEAD + "[sensors]\nencoder_resolution_rad = 0.5",
+            "sensors.encoder_resolution_rad",
+        ),
         (HEAD + "[[push]]\nbody = 'torso'\nforce_n = [1, 2]", "push[0].force_n"),
     ],
 )
