@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import hashlib
+import logging
 from collections.abc import Iterator, Sequence
 from dataclasses import asdict
 from functools import partial
+from itertools import count
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -26,6 +29,7 @@ from surefoot.tuning.parameters import overrides_of
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
+_LOG = logging.getLogger(__name__)
 GREY, BLUE, ORANGE = "#9aa6b5", "#2a6fbb", "#d9730d"
 OUTCOME, SETTINGS, PAGE, TRIALS = (
     "tune.json",
@@ -36,6 +40,8 @@ OUTCOME, SETTINGS, PAGE, TRIALS = (
 FRONT = "front"
 SPEC = "search"
 """Key of the specification in tune.json."""
+WRITTEN = "written"
+"""Key of the settings files in tune.json: SHA-256 by path in the folder."""
 LEAST_FOR_IMPORTANCE = 20
 """Number of trials below which no importance is shown."""
 
@@ -113,14 +119,19 @@ def write_outcome(folder: Path, tuned: Tuned, study: optuna.Study) -> None:
         study: Optuna's view, for the importance of the parameters.
     """
     weights = importance(tuned, study)
-    write_json(folder / OUTCOME, as_dict(tuned, weights))  # marks the folder as ours
-    write_whole(folder / SETTINGS, _settings(tuned, tuned.chosen))
-    (folder / FRONT).mkdir(exist_ok=True)
-    for former in (folder / FRONT).glob("trial-[0-9][0-9][0-9][0-9].toml"):
-        former.unlink()
+    texts = {SETTINGS: _settings(tuned, tuned.chosen)}
     for candidate in tuned.front:
-        name = f"trial-{candidate.place:04d}.toml"
-        write_whole(folder / FRONT / name, _settings(tuned, candidate))
+        name = f"{FRONT}/trial-{candidate.place:04d}.toml"
+        texts[name] = _settings(tuned, candidate)
+    _keep_edited(folder)
+    hashes = {name: hashlib.sha256(text).hexdigest() for name, text in texts.items()}
+    outcome = as_dict(tuned, weights) | {WRITTEN: hashes}
+    write_json(folder / OUTCOME, outcome)  # marks the folder as ours
+    (folder / FRONT).mkdir(exist_ok=True)
+    for former in _front_files(folder):
+        former.unlink()
+    for name, text in texts.items():
+        write_whole(folder / name, text)
     write_rows(folder / TRIALS, _trials(tuned))
     write_whole(folder / PAGE, render(TEMPLATE, **_values(tuned, weights)).encode())
 
@@ -131,17 +142,40 @@ def read_spec(folder: Path) -> Spec | None:
     Raises:
         UsageError: tune.json does not say it.
     """
-    path = folder / OUTCOME
-    if not path.is_file():
-        return None
     try:
-        told = msgspec.json.decode(path.read_bytes(), type=dict[str, Any])
-        return msgspec.convert(told.get(SPEC), Spec)
+        told = _told(folder)
+        return None if told is None else msgspec.convert(told.get(SPEC), Spec)
     except msgspec.DecodeError as error:
         raise UsageError(
             f"--out {folder}: {OUTCOME} there does not say of which search it is "
             f"({error}), and its files would be replaced; name another folder"
         ) from error
+
+
+def _told(folder: Path) -> dict[str, Any] | None:
+    path = folder / OUTCOME
+    if not path.is_file():
+        return None
+    return msgspec.json.decode(path.read_bytes(), type=dict[str, Any])
+
+
+def _front_files(folder: Path) -> list[Path]:
+    return sorted((folder / FRONT).glob("trial-[0-9][0-9][0-9][0-9].toml"))
+
+
+def _keep_edited(folder: Path) -> None:
+    """Rename settings files that someone edited after a former call wrote them."""
+    written = (_told(folder) or {}).get(WRITTEN, {})
+    for file in (folder / SETTINGS, *_front_files(folder)):
+        name = file.relative_to(folder).as_posix()
+        if name not in written or not file.is_file():
+            continue
+        if hashlib.sha256(file.read_bytes()).hexdigest() == written[name]:
+            continue
+        stems = (f"{file.stem}-edited-{number}" for number in count(1))
+        kept = next(k for k in map(file.with_stem, stems) if not k.exists())
+        file.rename(kept)
+        _LOG.warning("%s was edited since it was written; kept as %s", file, kept.name)
 
 
 def importance(tuned: Tuned, study: optuna.Study) -> dict[str, dict[str, float]]:

@@ -124,3 +124,27 @@ def test_a_search_does_not_replace_the_outcome_of_another(
             )
     assert (out / "settings.toml").read_text() == "[dik]\ncom_gain = 3.0\n"
     assert not (tmp_path / "trials.journal").exists()
+
+
+def test_settings_that_someone_edited_are_kept(tmp_path: Path) -> None:
+    out = tmp_path / "out"
+    settings, kept = out / "settings.toml", out / "settings-edited-1.toml"
+
+    def search() -> None:
+        sf.tune(
+            still(tmp_path),
+            ["dik.com_gain"],
+            trials=1,
+            workers=1,
+            controller=HOLDS,
+            out=out,
+        )
+
+    search()
+    written, mine = settings.read_text(), "[dik]\ncom_gain = 3.0\n"
+    settings.write_text(mine)
+    for _ in range(2):
+        search()
+        assert settings.read_text() == written
+        assert kept.read_text() == mine
+    assert len(list(out.glob("settings*"))) == 2
