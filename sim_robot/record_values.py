@@ -19,6 +19,8 @@ from mcap.stream_reader import StreamReader
 from surefoot.schemas.arrays import Array
 from surefoot.sim_robot.errors import ScenarioError
 
+SIMULATED = "simulated"
+"""Begins the metadata ``log_time`` of channels whose log times are simulated ones."""
 _NANOSECOND = 1e-9
 _LATEST_NS = 2**63
 _NUMBER = re.compile(r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[EDed][-+]?\d+)?", re.ASCII)
@@ -33,7 +35,8 @@ def read_mcap(
 
     It reads messages in JSON and MessagePack, and those of ROS 2 if the package
     ``mcap-ros2-support`` is installed. Times are times of measurement if the messages
-    carry them (``stamp_ns`` or ``header.stamp``), otherwise times of logging.
+    carry them (``stamp_ns`` or ``header.stamp``), otherwise times of logging; in
+    records of simulations in lockstep they are simulated times.
 
     Args:
         content: bytes of the file.
@@ -56,7 +59,10 @@ def read_mcap(
                 decoders[about.id] = _decoder(schema, about, file)
             decoded = decoders[about.id](message.data)
             values.append(_value(decoded, field, channel))
-            times.append(_stamp_ns(decoded, message.log_time, channel))
+            # In lockstep, stamps tell how fast the machine was.
+            is_simulated = about.metadata.get("log_time", "").startswith(SIMULATED)
+            stamped = None if is_simulated else decoded
+            times.append(_stamp_ns(stamped, message.log_time, channel))
     except ScenarioError:
         raise
     except Exception as error:  # each library has errors of its own for damage

@@ -15,6 +15,7 @@ import numpy as np
 import pytest
 from mcap.writer import CompressionType, IndexType, Writer
 
+from surefoot.recording.write import LogTimes
 from surefoot.schemas.motions import STANDARD_GRAVITY, RecordedMotion
 from surefoot.sim_robot.errors import ScenarioError
 from surefoot.sim_robot.ground_records import GroundRecord, read_record
@@ -73,13 +74,14 @@ def _mcap(
     encoding: str = "json",
     compression: CompressionType = CompressionType.NONE,
     first_ns: int = 10**9,
+    times: str = "",
     **about: Any,
 ) -> bytes:
     file = io.BytesIO()
     writer = Writer(file, compression=compression, **about)
     writer.start()
     schema = writer.register_schema("imu", "jsonschema", b"{}")
-    channel = writer.register_channel("/imu", encoding, schema)
+    channel = writer.register_channel("/imu", encoding, schema, {"log_time": times})
     for index, message in enumerate(messages):
         log_ns = first_ns + 50_000_000 * index
         writer.add_message(channel, log_ns, message, log_ns)
@@ -366,6 +368,16 @@ def test_a_channel_needs_no_slash(tmp_path: Path) -> None:
         _read(path, _mcap(GOOD), channel=name, field="a") for name in ("/imu", "imu")
     )
     np.testing.assert_array_equal(slashed.values, plain.values)
+
+
+@pytest.mark.parametrize(("period_ns", "interval_s"), [(10**6, 0.05), (None, 0.07)])
+def test_times_are_simulated_ones_where_stamps_tell_how_fast_a_machine_was(
+    tmp_path: Path, period_ns: int | None, interval_s: float
+) -> None:
+    stamped = [b'{"a": 1, "stamp_ns": %d}' % (7 * 10**7 * i) for i in range(1, 50)]
+    content = _mcap(stamped, times=LogTimes(period_ns).meaning)
+    record = _read(tmp_path / "a.mcap", content, channel="imu", field="a")
+    assert np.diff(record.times) == pytest.approx(interval_s)
 
 
 @pytest.mark.parametrize(
