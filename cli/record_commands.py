@@ -17,7 +17,6 @@ if TYPE_CHECKING:
     from surefoot.recording.write import McapFile
     from surefoot.robot_io.client_side.robot_watch import Absences
 _READY = "ready: what is said from now on is in the record"
-_CUT_OFF = "{} is cut off; all complete ticks were written"
 
 
 class LogTime(StrEnum):
@@ -197,7 +196,7 @@ def _tell_signals(place: Path, *, as_json: bool) -> None:
     if as_json:
         print_json(told)
         return
-    whole = "cut off; all complete ticks are shown" if told.is_cut_off else "whole"
+    whole = "cut off or damaged" if told.gaps else "whole"
     lost = f", {told.lost_ticks} not recorded" if told.lost_ticks else ""
     print_text(f"{place}: {whole}, {told.ticks} ticks{lost}\n\n{signals.describe()}")
 
@@ -228,7 +227,7 @@ def export(
     if holds_signals(file):
         signals = read_signals(file)
         written = export_signals(signals, to.value, out, overwrite=overwrite)
-        left_out = [_CUT_OFF.format(file)] if signals.is_cut_off else []
+        left_out = []
     else:
         record = read_record(file)
         written = export_record(record, to.value, out, overwrite=overwrite)

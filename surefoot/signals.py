@@ -76,6 +76,11 @@ class Signals(Mapping[str, SignalArray]):
         self._layouts = {name: found[name] for name in (*known, *others)}
 
     @property
+    def gaps(self) -> list[str]:
+        """What was found missing so far: damage may show when a signal is read."""
+        return [gap for table in self._tables for gap in table.gaps]
+
+    @property
     def ticks(self) -> SignalArray:
         """(n,) the robot's tick counter; the same as ``signals["tick"]``."""
         return self["tick"]
@@ -310,6 +315,8 @@ class SignalsInfo(msgspec.Struct, kw_only=True):
     last_tick: int | None
     lost_ticks: int
     """Ticks missing from a ticks file, since the disk was too slow or full."""
+    gaps: list[str]
+    """What is missing in damaged or cut off files, in words."""
     signals: dict[str, list[int]]
     """Shape of each signal, by name."""
 
@@ -323,6 +330,7 @@ def signals_info(signals: Signals) -> SignalsInfo:
         first_tick=int(signals.ticks[0]) if count else None,
         last_tick=int(signals.ticks[-1]) if count else None,
         lost_ticks=signals.lost_ticks,
+        gaps=signals.gaps,
         signals={n: [count, *signals.layout(n).shape] for n in signals},
     )
 

@@ -64,6 +64,7 @@ class TickFileTable(TickTable):
         self.path = path
         self.layouts: dict[str, SignalLayout] = {}
         self.is_cut_off = True
+        self.gaps: list[str] = []
         self._ids: dict[str, int] = {}
         self._ticks: list[SignalArray] = []
         self._chunks: list[dict[int, _Record]] = []
@@ -81,6 +82,11 @@ class TickFileTable(TickTable):
                 f"{path}: holds no whole block of ticks; it was cut off at its very "
                 "beginning, or is damaged there"
             )
+        if self.is_cut_off:
+            has_end = self._data[-len(MCAP0_MAGIC) :] == MCAP0_MAGIC
+            how = "damaged" if has_end else "cut off"
+            last = self._ticks[-1][-1]
+            self._tell(f"{how} after tick {last}; what follows counts as missing")
 
     @property
     def counts(self) -> Sequence[int]:
@@ -209,6 +215,7 @@ class TickFileTable(TickTable):
         raise ValueError("no message in a chunk")
 
     def _tell(self, what: str) -> None:
+        self.gaps.append(f"{self.path.name}: {what}")
         _LOG.warning("%s: %s", self.path, what)
 
 

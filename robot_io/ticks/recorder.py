@@ -141,11 +141,13 @@ class TickTable(ABC):
         layouts: layouts of the recorded signals, by name.
         lost_ticks: number of ticks that were lost.
         is_cut_off: whether the end is missing.
+        gaps: what else than lost ticks is missing, in words.
     """
 
     layouts: dict[str, SignalLayout]
     lost_ticks: int = 0
     is_cut_off: bool = False
+    gaps: Sequence[str] = ()
 
     @property
     @abstractmethod

@@ -130,7 +130,9 @@ def _title(runs: list[RunData]) -> str:
 
 def _head(run: RunData) -> dict[str, Any]:
     result, about, heard = run.result, run.about, run.heard
-    gap = _NO_RECORD if heard is None else heard.gap
+    gaps = [_NO_RECORD if heard is None else heard.gap]
+    if run.signals.gaps:
+        gaps.append(f"{'; '.join(run.signals.gaps)}. The figures are of the whole run.")
     return {
         "label": run.label,
         "outcome": sentence(result),
@@ -144,7 +146,7 @@ def _head(run: RunData) -> dict[str, Any]:
         "started": about.started,
         "command": shlex.join(about.command),
         "tells_forces": tells_forces(run),
-        "gap": gap,
+        "gap": " ".join(filter(None, gaps)),
         "margins": "; ".join(_margins(run)),
         "logs": run.logs,
         "footsteps": footsteps(run),

@@ -7,6 +7,7 @@ sweep`` and notebooks use it.
 from __future__ import annotations
 
 import json
+import logging
 import math
 import tempfile
 from collections.abc import Iterable, Mapping, Sequence
@@ -27,6 +28,7 @@ from surefoot.studies.cell import (
     Group,
     Row,
     find_variant,
+    group_of,
     hashable,
 )
 from surefoot.studies.execute import execute
@@ -38,6 +40,7 @@ from surefoot.studies.summaries import (
     write_summary,
 )
 
+_LOG = logging.getLogger(__name__)
 SETTINGS_ONLY = {name.partition(".")[0] for name in setting_names()} - set(
     Scenario.__struct_fields__
 )
@@ -208,7 +211,16 @@ def run_study(
         scheduler: address of a Dask scheduler, such as ``tcp://head:8786``, whose
             workers run them instead.
         bar: shows how many runs are done.
+
+    Raises:
+        UsageError: a varied setting is among the overrides.
     """
+    given = {text.partition("=")[0].strip() for text in overrides}
+    twice = given & {name for cell in cells for name, _ in cell.group.values}
+    if twice:
+        raise UsageError(
+            f"--vary {min(twice)}: --set gives it, too; leave one of them out"
+        )
     with StudyStore(folder, about={"robot": robot, "set": list(overrides)}) as store:
         rows = execute(
             cells,
@@ -222,4 +234,14 @@ def run_study(
         )
     made = Study(rows, summarise(rows))
     write_summary(folder, made.summaries)
+    found: dict[Group, list[str]] = {}
+    for row in rows:
+        found.setdefault(group_of(row), []).append(row["log_sha256"])
+    same = [group.case for group, runs in found.items() if len(runs) > len(set(runs))]
+    if same:
+        _LOG.warning(
+            "%s: seeds give the same run, to the last bit, and count once in the "
+            "interval: nothing there depends on a seed; one is enough, or add noise",
+            "; ".join(dict.fromkeys(same)),
+        )
     return made

@@ -56,7 +56,8 @@ class GroupSummary:
     Attributes:
         runs: number of runs.
         up: number of runs that stayed up.
-        up_from: lower end of the 95 % interval of the success rate.
+        up_from: lower end of the 95 % interval of the success rate, in which runs that
+            are equal to the last bit count once.
         up_to: its upper end.
         com_rms_mm: rms CoM error, mean over seeds, x y z.
         com_rms_worst_mm: rms CoM error of the worst seed.
@@ -102,7 +103,9 @@ def summarise(rows: Iterable[Row]) -> Summaries:
 
 def _summary(rows: list[Row]) -> GroupSummary:
     standing = [row for row in rows if is_up(row)]
-    low, high = success_interval(len(standing), len(rows))
+    # Without noise each seed gives the same run: one sample, however often it is made.
+    samples = {row["log_sha256"]: is_up(row) for row in rows}
+    low, high = success_interval(sum(samples.values()), len(samples))
     if not standing:
         return GroupSummary(runs=len(rows), up=0, up_from=low, up_to=high)
     deviations = [

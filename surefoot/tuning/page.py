@@ -294,6 +294,7 @@ def _values(tuned: Tuned, weights: dict[str, dict[str, float]]) -> dict[str, Any
         "figures": list(map(_label, spec.figures)),
         "parameters": [f"{p.name} [{p.unit or '1'}]" for p in spec.parameters],
         "front": [_row(tuned, c) for c in (tuned.start, *tuned.front)],
+        "seen": tuned.seen,
         "comparisons": {
             "On what the search has not seen": _cases(tuned.held_out),
             "On what it was trained on": _cases(tuned.training),

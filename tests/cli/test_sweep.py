@@ -8,6 +8,8 @@ import subprocess
 from pathlib import Path
 from typing import Any
 
+import pytest
+
 from surefoot.studies.store import RUNS, read_rows
 from tests.command import Surefoot, command, environment, run_surefoot, scenario_file
 from tests.support import wait_until
@@ -116,3 +118,18 @@ def test_settings_are_varied_as_scenario_values_are(
         )
         assert done.returncode == 2
         assert said in done.stderr
+    done = surefoot_here(*words, "--set", "dik.stance_leak=3")
+    assert done.returncode == 2
+    assert "--vary dik.stance_leak: --set gives it, too" in done.stderr
+
+
+def test_seeds_without_noise_are_one_sample(tmp_path: Path) -> None:
+    quiet = scenario_file(tmp_path, 0.1, name="quiet")
+    done = run_surefoot(
+        "sweep", quiet, "--seeds", "0:3", "--out", tmp_path / "out", "--json"
+    )
+    assert done.returncode == 0, done.stderr
+    (group,) = json.loads(done.stdout)
+    assert (group["runs"], group["up"]) == (3, 3)
+    assert group["up_from"] == pytest.approx(0.2065, abs=1e-4)  # Wilson, 1 of 1
+    assert "quiet.toml: seeds give the same run" in done.stderr

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import errno
 import json
+import re
 import shutil
 from fnmatch import fnmatch
 from pathlib import Path
@@ -360,11 +361,21 @@ def test_a_refusal_is_a_usage_error_and_leaves_nothing(
     assert not (broken / "report").exists()
 
 
-def test_ticks_that_are_cut_off_are_drawn_as_far_as_they_go(broken: Path) -> None:
+@pytest.mark.parametrize("how", ["cut off", "damaged"])
+def test_ticks_that_are_cut_off_are_drawn_as_far_as_they_go(
+    broken: Path, how: str
+) -> None:
     whole = (broken / "ticks.mcap").read_bytes()
-    (broken / "ticks.mcap").write_bytes(whole[: len(whole) // 2])
+    half = len(whole) // 2
+    rest = bytes([255]) * (half - 20) + whole[-20:]
+    (broken / "ticks.mcap").write_bytes(
+        whole[:half] + (rest if how == "damaged" else b"")
+    )
     run = load_run(broken, label="cut")
     assert run.signals.is_cut_off
+    write_page(broken, [run], [Media("scene-1.html")])
+    told = rf"ticks\.mcap: {how} after tick \d+; what follows counts as missing"
+    assert re.search(told, (broken / "index.html").read_text())
     drawn = {(curve.panel, curve.kind): curve for curve in curves(run)}
     true, estimated = drawn["com_x", "true"], drawn["com_x", "estimated"]
     assert 0.0 < true.times[-1] < estimated.times[-1]

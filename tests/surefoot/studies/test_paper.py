@@ -29,6 +29,7 @@ def row(cell: Cell, *, fell: bool, com_mm: float, force_n: float) -> dict[str, A
         "servo_profile": group.servo_profile,
         "seed": cell.seed,
         "outcome": "fell" if fell else "stood",
+        "log_sha256": cell.key,
         "com_error_rms_mm": [com_mm, com_mm, 5.0],
         "com_error_max_mm": [com_mm, com_mm, 9.0],
         "base_tilt_max_deg": 1.0,
