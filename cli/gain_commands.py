@@ -50,7 +50,9 @@ def margins(
     found = compute_margins(
         robot,
         servo_profile=servo_profile,
-        settings=resolve_settings(settings, overrides=overrides or ()),
+        settings=resolve_settings(
+            settings, overrides=overrides or (), reader="whole-body"
+        ),
         delay_ms=delay_ms,
     )
     if as_json:

@@ -175,7 +175,7 @@ def stabilizer(
     begin_process("stabilizer", child=child)
     options.check_priority(realtime_priority, lockstep=lockstep)
     model, meeting = options.dialed(robot, servo_profile, endpoints, connect)
-    resolved = resolve_settings(settings, overrides=overrides or [])
+    resolved = resolve_settings(settings, overrides=overrides or [], reader=controller)
     log_note(
         f"{controller} for {model.file.name} dials "
         f"{', '.join(meeting.router or meeting.connect)} for {wait_s:g} s at most"

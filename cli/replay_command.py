@@ -174,7 +174,7 @@ def _check(
     resolved = (
         recorded_settings(timeline, overrides)
         if settings is None
-        else resolve_settings(settings, overrides=overrides)
+        else resolve_settings(settings, overrides=overrides, reader=law)
     )
     first = timeline.first_tick
     with progress_bar(

@@ -7,7 +7,7 @@ import importlib
 import importlib.util
 import inspect
 import sys
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Collection, Iterable
 from importlib.metadata import entry_points
 from pathlib import Path
 from types import ModuleType
@@ -185,6 +185,28 @@ def check_read(
             "another controller",
             field=name,
         )
+
+
+def check_one_read(names: Collection[str], controller: str, *, source: str) -> None:
+    """Refuse a settings file of which a controller reads nothing.
+
+    Args:
+        names: its settings, as ``section.name``.
+        controller: that is to run.
+        source: the file, for the message.
+
+    Raises:
+        FileFormatError: the controller reads none of them.
+        ControllerError: there is no such controller.
+    """
+    if not names or not read_settings(controller).isdisjoint(names):
+        return
+    readers = [c for c in CONTROLLERS if not read_settings(c).isdisjoint(names)]
+    raise FileFormatError(
+        f"{source}: {controller} would read none of its settings, so that they would "
+        f"change nothing; {' and '.join(readers)} would. Leave the file out, or name "
+        "another controller"
+    )
 
 
 PRESETS_DIR = Path(__file__).parent / "presets"

@@ -53,7 +53,7 @@ def make_controller(
         FileFormatError: a file or a setting is malformed.
     """
     model = robot if isinstance(robot, Robot) else load_robot(robot)
-    return factory.make_controller(name, model, resolve_settings(settings))
+    return factory.make_controller(name, model, resolve_settings(settings, reader=name))
 
 
 def list_controllers() -> list[str]:
@@ -112,7 +112,7 @@ def compute_margins(
         FileFormatError: a file or a setting is malformed.
     """
     robot = resolve_robot(robot, servo_profile)
-    resolved = resolve_settings(settings)
+    resolved = resolve_settings(settings, reader="whole-body")
     factory.check_settings(resolved, robot)
     ticks = 1
     if delay_ms is not None:

@@ -35,7 +35,12 @@ from surefoot.schemas.toml_file import read_toml, struct_table, toml_text
 from surefoot.schemas.walk_plan import WalkPlan
 from surefoot.sim_robot.catalogue import find_scenario, naming_scenario
 from surefoot.sim_robot.recorded import recorded_ground
-from surefoot.stabilizer.factory import check_read, check_settings, find_settings
+from surefoot.stabilizer.factory import (
+    check_one_read,
+    check_read,
+    check_settings,
+    find_settings,
+)
 
 Mode = Literal["lockstep", "realtime", "inline"]
 Settings = ControllerSettings | Mapping[str, Any] | str | Path | None
@@ -196,7 +201,7 @@ def make_plan(
             path = None  # the run keeps the scenario as it is run
             _log.info("%s", told)
     is_shipped = not isinstance(robot, Robot) and Path(robot).suffix != ".toml"
-    resolved = resolve_settings(settings, overrides=overrides)
+    resolved = resolve_settings(settings, overrides=overrides, reader=controller)
     check_read(overrides, [controller])
     check_settings(resolved, model, duration_s=world.duration_s)
     return RunPlan(
@@ -272,16 +277,22 @@ def _find_relay_plan(relay: str, mode: Mode) -> Path:
 
 
 def resolve_settings(
-    settings: Settings = None, *, overrides: Sequence[str] = ()
+    settings: Settings = None,
+    *,
+    overrides: Sequence[str] = (),
+    reader: str | None = None,
 ) -> ControllerSettings:
     """Join defaults, given settings and overrides ``section.name=value``.
 
     Args:
         settings: see :data:`Settings`.
         overrides: texts ``section.name=value``.
+        reader: the controller that is to read them, if there is one alone.
 
     Raises:
-        FileFormatError: an unknown key, a wrong type, a value out of range.
+        FileFormatError: an unknown key, a wrong type, a value out of range; a file of
+            which the reader uses no setting.
+        ControllerError: there is no such controller.
     """
     texts = list(overrides)
     if settings is None:
@@ -294,7 +305,12 @@ def resolve_settings(
     if isinstance(settings, Mapping):
         return build_settings(_sections(settings), overrides=texts, source="settings")
     path = find_settings(Path(settings))
-    return build_settings(read_toml(path), overrides=texts, source=str(path))
+    table = read_toml(path)
+    resolved = build_settings(table, overrides=texts, source=str(path))
+    if reader is not None:
+        names = [f"{section}.{name}" for section in table for name in table[section]]
+        check_one_read(names, reader, source=str(path))
+    return resolved
 
 
 def given_singly(settings: Settings) -> list[str]:

@@ -306,8 +306,14 @@ def execute(
         RunInterrupted: Ctrl-C or SIGTERM; the folder keeps the record, and the error
             holds the run so far.
         UsageError: the folder cannot be used.
+        EndpointError: the endpoints cannot.
     """
     check_controller(plan.controller)
+    if endpoints is not None:
+        from surefoot.robot_io.bus.session import Role, check_endpoints
+
+        for role in (Role.ROBOT, Role.CLIENT):
+            check_endpoints(endpoints, role)
     on_tick = on_tick or (lambda tick: None)
     with run_folder(out, reads=plan.files, overwrite=overwrite) as folder:
         write_inputs(folder.path, plan)

@@ -117,7 +117,7 @@ def open_session(
         CertificateError: the peer would refuse one of our certificates.
         RobotUnreachableError: nobody answers at the dialed locators.
     """
-    _check(endpoints, role)
+    check_endpoints(endpoints, role)
     configs = [
         session_config(
             place,
@@ -341,7 +341,12 @@ def cause_of(error: zenoh.ZError) -> str:
     return str(error).split(" at /")[0]
 
 
-def _check(endpoints: Endpoints, role: Role) -> None:
+def check_endpoints(endpoints: Endpoints, role: Role) -> None:
+    """Refuse what a session would fail on, before anything is started.
+
+    Raises:
+        EndpointError: a locator, a certificate or a socket file cannot be used.
+    """
     is_listening = listens(endpoints, role)
     locators = endpoints.listen if is_listening else dialed(endpoints)
     check_locators(locators, verb="listen on" if is_listening else "dial")

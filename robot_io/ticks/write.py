@@ -114,8 +114,6 @@ class TickFile:
         if self._failure is not None:
             if error is None:
                 raise self._failure
-            reason = getattr(self._failure, "strerror", None) or self._failure
-            _LOG.info("%s: %s", self.path, reason)
         elif self.lost_ticks:
             _LOG.warning(
                 "%s lacks %d ticks: the disk was too slow", self.path, self.lost_ticks
@@ -167,6 +165,8 @@ class TickFile:
             if isinstance(error, OSError):
                 error.filename = error.filename or str(self.path)
             self._failure = error
+            reason = getattr(error, "strerror", None) or error
+            _LOG.warning("%s: %s; recording ends, the run goes on", self.path, reason)
 
 
 class _Mcap:

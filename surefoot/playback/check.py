@@ -85,7 +85,7 @@ def replay(
     resolved = (
         recorded_settings(timeline, [])
         if settings is None
-        else resolve_settings(settings)
+        else resolve_settings(settings, reader=controller)
     )
     instead = str(robot.path) if isinstance(robot, Robot) else robot
     with recorded_robot(

@@ -236,7 +236,7 @@ def load_run(folder: Path, *, label: str) -> RunData:
     if "q" not in signals:
         raise UsageError(
             f"{folder / TICKS}: missing; the run kept no ticks of the robot, so there "
-            "is nothing to draw. Make it again with --out"
+            "is nothing to draw. Make it again with --out, and let it run"
         )
     with naming_run(folder):
         robot = load_robot(about.robot, servo_profile=about.servo_profile)
