@@ -125,7 +125,10 @@ def test_while_it_works(tmp_path: Path, name: str) -> None:
         stdout, _ = ends_clean(process)
     if name == "run":
         assert "interrupted" in stdout
-        assert load_run(tmp_path / "out").outcome is Outcome.INTERRUPTED
+        kept = load_run(tmp_path / "out")
+        assert kept.outcome is Outcome.INTERRUPTED
+        assert kept.signals.count == kept.result.ticks
+        assert not [*tmp_path.glob("out/*.partial")]
     else:
         assert stdout == ""
 
