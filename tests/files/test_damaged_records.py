@@ -118,9 +118,6 @@ def test_damaged_copies_are_read_or_refused(
         (run_folder / "run.mcap").write_bytes(record)
 
 
-@pytest.mark.usual(
-    *("our names", "plain", "unchunked", "ros1", "no channels", "huge numbers")
-)
 @pytest.mark.parametrize("what", FOREIGN)
 def test_records_of_other_programs_are_read_or_refused(
     what: str, run_folder: Path, tmp_path: Path, record: bytes
