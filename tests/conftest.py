@@ -21,6 +21,7 @@ from surefoot.schemas.endpoints import Endpoints, write_endpoints
 from tests.command import PLAIN, Surefoot, run_surefoot, scenario_file
 from tests.one_name import modules_with_two_names
 from tests.patient_robot import patient_robot_file
+from tests.robot_io.meeting_places import meeting_place
 
 settings.register_profile(
     "patient", deadline=None, suppress_health_check=[HealthCheck.too_slow]
@@ -35,7 +36,7 @@ OF_PROCESSES = (
 )
 """Folders and files whose tests start processes."""
 FIXTURES_OF_PROCESSES = {
-    *("endpoints", "endpoint_file", "surefoot", "authority", "meeting"),
+    *("endpoints", "endpoint_file", "surefoot", "authority", "meeting", "routed"),
 }
 """Fixtures that use a bus or start a process."""
 
@@ -44,6 +45,13 @@ FIXTURES_OF_PROCESSES = {
 def endpoints() -> Endpoints:
     """Return the endpoints of a bus on this host that no other test uses."""
     return loopback_endpoints()
+
+
+@pytest.fixture
+def routed() -> Iterator[Endpoints]:
+    """Return the endpoints of such a bus with a router."""
+    with meeting_place(routed=True) as endpoints:
+        yield endpoints
 
 
 @pytest.fixture

@@ -17,7 +17,8 @@ from surefoot.sim_robot.world import World, build_world
 from tests.awkward_robot import AWKWARD, make_awkward
 
 STATES = 100
-RELATIVE = 1e-6
+RELATIVE = 1e-9
+"""Relative to the largest entry; the rounding of inverting a 34 x 34 matrix."""
 BASE_SPREAD_M = 0.5
 VELOCITY_SPREAD = 1.0
 

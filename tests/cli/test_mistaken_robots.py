@@ -29,12 +29,6 @@ DIALING = {
 }
 
 
-@pytest.fixture
-def routed() -> Iterator[Endpoints]:
-    with meeting_place(routed=True) as endpoints:
-        yield endpoints
-
-
 @pytest.fixture(scope="module")
 def place() -> Iterator[Endpoints]:
     with meeting_place(routed=False) as endpoints:
@@ -47,31 +41,30 @@ def served(place: Endpoints) -> Iterator[ServedRobot]:
         yield robot
 
 
-@pytest.mark.usual("stabilizer", "check-robot", "echo")
 @pytest.mark.parametrize("name", DIALING)
 def test_who_dials_with_another_description_is_refused(
-    surefoot: Surefoot,
     surefoot_here: Surefoot,
     tmp_path: Path,
     served: ServedRobot,
     place: Endpoints,
     name: str,
 ) -> None:
-    start = surefoot if name == "view" else surefoot_here
     if name == "view":
         pytest.importorskip("viser")
     words = [*DIALING[name], "--connect", place.connect[0]]
     if name == "relay":
         words += ["--listen", f"tcp/127.0.0.1:{free_port()}"]
-    done = start(*words, "--robot", mirrored_feet_file(tmp_path))
-    assert done.returncode == ExitCode.USAGE, done.stderr
-    assert "robot 'walker'" in done.stderr
-    assert "differs in: feet;" in done.stderr
-    assert "give both sides the same robot file" in done.stderr
-    assert "Traceback" not in done.stderr
-    profile = start(*words, "--servo-profile", "harmonic")
-    assert profile.returncode == ExitCode.USAGE, profile.stderr
-    assert "differs in: servo;" in profile.stderr
+    ours = {
+        "feet": ("--robot", mirrored_feet_file(tmp_path)),
+        "servo": ("--servo-profile", "harmonic"),
+    }
+    for differing, option in ours.items():
+        done = surefoot_here(*words, *option)
+        assert done.returncode == ExitCode.USAGE, done.stderr
+        assert "robot 'walker'" in done.stderr
+        assert f"differs in: {differing};" in done.stderr
+        assert "give both sides the same robot file" in done.stderr
+        assert "Traceback" not in done.stderr
     assert served.do(lambda server, gate: gate.modes.lease.holder) == ""
 
 

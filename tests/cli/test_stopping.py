@@ -60,18 +60,16 @@ def children(folder: Path) -> tuple[int, int]:
 
 
 # SIGINT to such a run: test_out_folder.py. All take the same way.
-@pytest.mark.usual("1")
-@pytest.mark.parametrize("sent", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
 def test_interrupting_a_run_stops_both_and_keeps_what_there_is(
-    endless_run: tuple[subprocess.Popen[str], Path], sent: signal.Signals
+    endless_run: tuple[subprocess.Popen[str], Path],
 ) -> None:
     process, folder = endless_run
     ids = children(folder)
-    process.send_signal(sent)
+    process.send_signal(signal.SIGHUP)
     stdout, stderr = process.communicate(timeout=PATIENCE_S)
     assert process.returncode == 130
     assert "Traceback" not in stderr
-    assert f": {sent.name}" in stdout
+    assert ": SIGHUP" in stdout
     assert all(map(is_gone, ids))
     kept = {file.name for file in folder.rglob("*.log")}
     assert {"robot.log", "stabilizer.log"} <= kept

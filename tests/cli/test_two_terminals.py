@@ -18,7 +18,6 @@ from tests.nodes.test_nodes import is_running, observer
 from tests.support import PATIENCE_S, free_port, wait_until
 
 
-@pytest.mark.usual("--realtime")
 @pytest.mark.parametrize("pace", ["--lockstep", "--realtime"])
 def test_both_sides_tell_their_part(
     start: Start,
@@ -39,9 +38,14 @@ def test_both_sides_tell_their_part(
     assert (robot.returncode, stabilizer.returncode) == (0, 0)
     assert plant.ticks == 300
     assert not plant.fell
+    assert plant.end is ModeCause.RUN_OVER
     assert controller.end is EndReason.RUN_OVER
+    assert controller.end_detail == plant.end_detail == "0.3 s"
     if pace == "--lockstep":
         assert controller.ticks == plant.ticks
+        assert plant.gate.mode is RobotMode.ACTIVE
+        assert plant.deadline_misses == controller.stale_snapshots == 0
+        assert plant.refused == plant.clipped == {}
 
 
 def test_a_stabilizer_in_its_own_terminal_tells_of_a_lost_sensor(

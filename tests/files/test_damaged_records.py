@@ -99,11 +99,15 @@ def test_damaged_ticks_are_read_or_refused(
         path.write_bytes(ticks)
 
 
-def read_copies(record: bytes, run_folder: Path, folder: Path, seeds: range) -> None:
-    path = folder / "damaged.mcap"
-    kept = (run_folder / "run.mcap").read_bytes()
+@pytest.mark.parametrize(
+    "count", [COPIES, pytest.param(MANY_COPIES, marks=pytest.mark.slow)]
+)
+def test_damaged_copies_are_read_or_refused(
+    record: bytes, run_folder: Path, tmp_path: Path, count: int
+) -> None:
+    path = tmp_path / "damaged.mcap"
     try:
-        for seed in seeds:
+        for seed in range(count):
             path.write_bytes(damaged(record, seed))
             is_played = seed % PLAYED_EVERY == 0
             try:
@@ -111,27 +115,9 @@ def read_copies(record: bytes, run_folder: Path, folder: Path, seeds: range) -> 
             except Exception as error:
                 raise AssertionError(f"copy {seed}: {error!r}") from error
     finally:
-        (run_folder / "run.mcap").write_bytes(kept)
+        (run_folder / "run.mcap").write_bytes(record)
 
 
-def test_damaged_copies_are_read_or_refused(
-    record: bytes, run_folder: Path, tmp_path: Path
-) -> None:
-    read_copies(record, run_folder, tmp_path, range(COPIES))
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("part", range(10))
-def test_a_thousand_damaged_copies_are_read_or_refused(
-    record: bytes, run_folder: Path, tmp_path: Path, part: int
-) -> None:
-    share = MANY_COPIES // 10
-    read_copies(record, run_folder, tmp_path, range(part * share, (part + 1) * share))
-
-
-@pytest.mark.usual(
-    *("our names", "plain", "unchunked", "ros1", "no channels", "huge numbers")
-)
 @pytest.mark.parametrize("what", FOREIGN)
 def test_records_of_other_programs_are_read_or_refused(
     what: str, run_folder: Path, tmp_path: Path, record: bytes

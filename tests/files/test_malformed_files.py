@@ -210,34 +210,6 @@ def test_a_urdf_that_no_robot_has_is_refused_with_link_or_joint(
     assert exit_code_of(caught.value) is ExitCode.USAGE
 
 
-TOML_CASES = {
-    "sole is the sensor": ('sole_frame = "left_sole"', 'sole_frame = "left_foot_plate"',
-                           "is the ft_link too"),
-    "sole above": ('sole_frame = "left_sole"\nft_link = "left_foot_plate"',
-                   'sole_frame = "left_foot"\nft_link = "left_foot_plate"',
-                   "stands above ft_link|is not fixed below"),
-    "other leg": ('sole_frame = "left_sole"', 'sole_frame = "right_sole"',
-                  "both feet have|is not fixed below"),
-    "base above": ('base_link = "torso"', 'base_link = "head"',
-                   "name the link that all others hang on, 'torso'"),
-    "imu in the hand": ('frame = "imu"', 'frame = "left_hand"', "moves against the ba"),
-    "no frame": ('frame = "imu"', 'frame = "imuu"', "did you mean 'imu'"),
-    "height": ("nominal_base_height_m = 1.0306", "nominal_base_height_m = 1030.6",
-               "soles of walker.urdf lie 1.031 below 'torso'"),
-    "nothing there": ('urdf = "walker.urdf"', 'urdf = "."', "no such file"),
-    "no name": ('urdf = "walker.urdf"', 'urdf = "a\\\\u0000b"', "no such file"),
-}  # fmt: skip
-
-
-@pytest.mark.parametrize("case", TOML_CASES)
-def test_frames_that_do_not_belong_together_are_refused(case: str, files: Path) -> None:
-    old, new, words = TOML_CASES[case]
-    changed(files, old, new)
-    with pytest.raises(RobotFileError, match=words) as caught:
-        load_robot(str(files))
-    assert str(files) in str(caught.value)
-
-
 @pytest.mark.parametrize("mesh", ["gone.stl", "package://walker/torso.stl"])
 def test_meshes_are_needed_for_pictures_alone(mesh: str, files: Path) -> None:
     shape = f'<geometry><mesh filename="{mesh}"/></geometry>'

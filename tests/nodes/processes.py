@@ -40,6 +40,7 @@ FORKED.set_forkserver_preload(
 )
 """A server that has loaded everything forks the processes, which saves time."""
 SEED = 3
+NOISE = {"force_noise_n": 2.0, "gyro_noise_rad_s": 0.002, "accel_noise_m_s2": 0.05}
 
 
 class ProcessError(Exception):

@@ -28,6 +28,7 @@ from surefoot.stabilizer import loop
 from surefoot.stabilizer.controller import HoldController
 from surefoot.stabilizer.node import run_stabilizer
 from tests.nodes.processes import (
+    NOISE,
     SEED,
     ProcessError,
     balancing,
@@ -37,7 +38,6 @@ from tests.nodes.processes import (
 )
 from tests.support import PATIENCE_S, wait_until
 
-NOISE = {"force_noise_n": 2.0, "gyro_noise_rad_s": 0.002, "accel_noise_m_s2": 0.05}
 SHORT = {"duration_s": 0.5, "sensors": NOISE}
 LONG = {"duration_s": 600.0}
 BALANCING_TICK = 1500
@@ -78,31 +78,6 @@ def in_one_process(table: dict, controller: str = "hold") -> str:
     scenario = scenario_from_table({"name": "test", **table}, source="test")
     run = simulate(walker, scenario, controller=controller, seed=SEED, record=False)
     return run.result.log_sha256
-
-
-@pytest.mark.usual("1.0")
-@pytest.mark.parametrize("delay_ms", [0.0, 1.0, 3.0])
-def test_lockstep_is_the_same_run_as_without_a_bus(
-    endpoints: Endpoints, delay_ms: float
-) -> None:
-    table = {**SHORT, "delay": {"command_ms": delay_ms}}
-    with (
-        running(robot, endpoints, table, Pace.LOCKSTEP) as plant,
-        running(stabilizer, endpoints, Pace.LOCKSTEP) as controller,
-    ):
-        run, answered = plant.result(), controller.result()
-    assert run.ticks == 500
-    assert run.deadline_misses == 0
-    assert run.refused == {}
-    assert run.clipped == {}
-    assert not run.fell
-    assert answered.ticks == 500
-    assert answered.stale_snapshots == 0
-    assert run.end is ModeCause.RUN_OVER
-    assert run.gate.mode is RobotMode.ACTIVE
-    assert answered.end is EndReason.RUN_OVER
-    assert answered.end_detail == run.end_detail == "0.5 s"
-    assert run.log_sha256 == in_one_process(table)
 
 
 def held_up_before_the_last_tick(endpoints: Endpoints) -> ControllerResult:

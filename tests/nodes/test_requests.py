@@ -56,7 +56,7 @@ class Run(Onlooker):
         return self.let_go_on(LATER_TICKS)
 
 
-@pytest.fixture(params=list(Pace), ids=str)
+@pytest.fixture
 def run(request: pytest.FixtureRequest, endpoints: Endpoints) -> Iterator[Run]:
     with (
         running(robot, endpoints, LONG, request.param) as plant,
@@ -71,8 +71,8 @@ def run(request: pytest.FixtureRequest, endpoints: Endpoints) -> Iterator[Run]:
         yield started
 
 
-# Requests take the same way at both paces; one of each by default.
-@pytest.mark.usual("lockstep")
+# Requests take the same way at both paces.
+@pytest.mark.parametrize("run", [Pace.LOCKSTEP], indirect=True)
 def test_gains_change_and_are_recorded_with_their_tick(run: Run) -> None:
     observer = run.observer
     assert observer.requests.change_settings({}).settings["tsid.com_kp"] == [30.0] * 3
@@ -96,7 +96,7 @@ def test_gains_change_and_are_recorded_with_their_tick(run: Run) -> None:
     assert "eve" in result.end_detail
 
 
-@pytest.mark.usual("realtime")
+@pytest.mark.parametrize("run", [Pace.REALTIME], indirect=True)
 def test_a_hold_keeps_the_posture_until_resumed(run: Run) -> None:
     run.has_gone_on()
     run.observer.requests.control("hold")
@@ -132,7 +132,7 @@ def test_a_hold_keeps_the_posture_until_resumed(run: Run) -> None:
     assert again.status.refused.get("first_command", 0) == 0
 
 
-@pytest.mark.usual("lockstep")
+@pytest.mark.parametrize("run", [Pace.LOCKSTEP], indirect=True)
 def test_a_push_acts_and_is_recorded(run: Run) -> None:
     before = run.tick()
     run.observer.requests.push("torso", PUSH_N, duration_s=0.2)

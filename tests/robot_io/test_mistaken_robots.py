@@ -53,12 +53,6 @@ def place(request: pytest.FixtureRequest) -> Iterator[Endpoints]:
         yield endpoints
 
 
-@pytest.fixture
-def routed() -> Iterator[Endpoints]:
-    with meeting_place(routed=True) as endpoints:
-        yield endpoints
-
-
 def as_client(robot: Robot, endpoints: Endpoints) -> RobotClient:
     return new_client(endpoints, "ann", robot=robot)
 

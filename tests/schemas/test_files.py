@@ -7,13 +7,11 @@ from pathlib import Path
 
 import pytest
 
-from surefoot.schemas.endpoints import DEFAULT_LOCATOR, Endpoints
 from surefoot.schemas.errors import FileFormatError
 from surefoot.schemas.motions import DropMotion, RampMotion, SineMotion
 from surefoot.schemas.scenario import Scenario, load_scenario
-from surefoot.schemas.toml_file import find_toml, load
+from surefoot.schemas.toml_file import find_toml
 
-DEPLOY = Path(__file__).parents[2] / "deploy"
 HEAD = """
 name = "test"
 duration_s = 12.0
@@ -112,14 +110,11 @@ def test_name_and_duration_are_enough(scenario_file: Path) -> None:
         ),
         (HEAD + "[platform]\nfoot = 'left'", "list of tables: write [[platform]]"),
         (HEAD + "FRICTION = 0.5", "FRICTION: no such key; did you mean 'friction'?"),
-        (motion('axis = "rol"\nkind = "sine"'), "got 'rol'"),
-        (motion('axis = "rol"\nkind = "sine"'), "did you mean 'roll'?"),
-        (motion('axis = "z"\nkind = "jump"'), "got 'jump'"),
-        (motion('axis = "z"\nkind = "jump"'), "one of 'sine', 'ramp', 'drop'"),
-        (motion('axis = "z"'), "one of 'sine', 'ramp', 'drop'"),
-        (HEAD + "[[platform]]\nfoot = 'lefft'", "got 'lefft'"),
-        (HEAD + "[[platform]]\nfoot = 'lefft'", "'both', 'left', 'right'"),
-        ("name = 'x'\nduration_s = -1", "got -1, expected a number > 0.0"),
+        (motion('axis = "rol"\nkind = "sine"'), "'z'; did you mean 'roll'?"),
+        (motion('axis = "z"\nkind = "jump"'), "got 'jump', expected one of 'sine', "),
+        (motion('axis = "z"'), "is missing, expected one of 'sine', 'ramp', 'drop'"),
+        (HEAD + "[[platform]]\nfoot = 'lefft'", "'lefft', expected one of 'both', 'le"),
+        ("name = 'x'\nduration_s = 0", "got 0, expected a number > 0.0"),
         ("name = 'x'\nduration_s = 'long'", "got 'long', expected a number"),
         (HEAD + f"[sensors]\nforce_noise_n = {10**15}", "at most 1e+12"),
     ],
@@ -143,11 +138,8 @@ def test_no_refusal_offers_what_toml_has_not(scenario_file: Path) -> None:
         (HEAD + "friction = nan", "friction"),
         (HEAD + "friction = true", "friction"),
         (HEAD + 'friction = "0.7"', "friction"),
-        ('name = "x"\nduration_s = 0', "duration_s"),
         ('name = "x"\nduration_s = inf', "duration_s"),
         ('name = "x"\nduration_s = 1e9', "duration_s"),
-        (HEAD + '[[platform]]\nfoot = "tail"', "platform[0].foot"),
-        (motion('axis = "roll"'), "platform[0].motion[0].kind"),
         (motion('axis = "up"\nkind = "sine"'), "platform[0].motion[0].axis"),
         (motion('axis = "z"\nkind = "jump"'), "platform[0].motion[0].kind"),
         (
@@ -243,36 +235,3 @@ def test_missing_and_broken_files_are_named(tmp_path: Path) -> None:
     broken.write_bytes(b"\xff\xfe")
     with pytest.raises(FileFormatError, match="is no text"):
         load_scenario(broken)
-
-
-def test_endpoints_default_to_loopback(tmp_path: Path) -> None:
-    path = tmp_path / "endpoints.toml"
-    path.write_text("# as by default")
-    assert load(path, Endpoints) == Endpoints()
-    path.write_text("\n")  # all that is left of a file that was cut off
-    with pytest.raises(FileFormatError, match=r"endpoints\.toml: is empty"):
-        load(path, Endpoints)
-    assert Endpoints().listen == Endpoints().connect == [DEFAULT_LOCATOR]
-
-
-def test_endpoints_load_and_refuse(tmp_path: Path) -> None:
-    path = tmp_path / "endpoints.toml"
-    path.write_text('connect = ["tcp/192.0.2.1:7447"]\nlease_ms = 800')
-    endpoints = load(path, Endpoints)
-    assert endpoints.connect == ["tcp/192.0.2.1:7447"]
-    assert endpoints.lease_ms == 800
-    path.write_text("lease_ms = 1")
-    with pytest.raises(FileFormatError, match=r"endpoints\.toml: lease_ms"):
-        load(path, Endpoints)
-    path.write_text('conect = ["tcp/192.0.2.1:7447"]')
-    with pytest.raises(FileFormatError, match="did you mean 'connect'"):
-        load(path, Endpoints)
-
-
-def test_shipped_loopback_file_says_what_the_defaults_are() -> None:
-    assert load(DEPLOY / "loopback.toml", Endpoints) == Endpoints()
-
-
-def test_defaults_are_not_shared() -> None:
-    Endpoints().listen.append("tcp/192.0.2.1:7447")
-    assert Endpoints().listen == [DEFAULT_LOCATOR]

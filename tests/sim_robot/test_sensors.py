@@ -12,14 +12,9 @@ from surefoot.schemas.arrays import GRAVITY_M_S2, Array, Mat
 from surefoot.schemas.robot_file import Foot
 from surefoot.sim_robot.plant import Plant
 from tests.sim_robot.conftest import MakePlant
+from tests.stabilizer.closed_loop import NOISE
 
 PERIOD_S = 0.001
-NOISY = {
-    "force_noise_n": 2.0,
-    "moment_noise_nm": 0.1,
-    "gyro_noise_rad_s": 0.002,
-    "accel_noise_m_s2": 0.05,
-}
 TILT = {"axis": "roll", "kind": "ramp", "amplitude_deg": 3.0, "rate_deg_s": 6.0}
 SHAKE = [
     {"axis": "y", "kind": "sine", "amplitude_m": 0.01, "frequency_hz": 2.0},
@@ -174,7 +169,7 @@ def test_noise_has_the_deviation_of_the_scenario(
     make_plant: MakePlant, walker: Robot
 ) -> None:
     ticks = 2000
-    noisy = list(readings(make_plant(sensors=NOISY), walker.nominal, ticks=ticks))
+    noisy = list(readings(make_plant(sensors=NOISE), walker.nominal, ticks=ticks))
     clean = list(readings(make_plant(), walker.nominal, ticks=ticks))
     error = {
         name: np.array(
@@ -200,7 +195,7 @@ def test_noise_has_the_deviation_of_the_scenario(
 def test_one_sensor_does_not_shift_the_noise_of_another(
     make_plant: MakePlant, walker: Robot
 ) -> None:
-    all_noisy = make_plant(sensors=NOISY)
+    all_noisy = make_plant(sensors=NOISE)
     only_gyro = make_plant(sensors={"gyro_noise_rad_s": 0.002})
     for one, other in zip(
         readings(all_noisy, walker.nominal, ticks=300),
@@ -230,7 +225,7 @@ def test_encoders_round_and_still_tell_the_velocity(
 
 
 def test_a_tick_is_measured_once(make_plant: MakePlant) -> None:
-    plant = make_plant(sensors=NOISY)
+    plant = make_plant(sensors=NOISE)
     assert plant.sense() is plant.sense()
 
 

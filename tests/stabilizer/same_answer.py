@@ -1,13 +1,23 @@
-"""Compares two solutions of a QP, with a tolerance from its conditioning."""
+"""Fills a QP anew, and compares two solutions with a tolerance of its own."""
 
 from __future__ import annotations
 
 import numpy as np
 
 from surefoot.schemas.arrays import Array, Mat
+from surefoot.stabilizer.qp import DenseQp, QpData, QpSolver
 
 SOLVER_RESIDUAL, DUALITY_GAP = 1e-9, 1e-10
 """Tolerances that PIQP is given."""
+
+
+def filled(problem: QpData | DenseQp, solver: QpSolver | None = None) -> DenseQp:
+    """Return the same problem for a solver that has solved nothing yet."""
+    m, n = problem.G.shape
+    other = DenseQp(problem.name, n=n, m=m, solver=solver)
+    for name in ("P", "q_lin", "G", "h_u", "x_l", "x_u"):
+        getattr(other, name)[:] = getattr(problem, name)
+    return other
 
 
 def assert_same_answer(P: Mat, one: Array, other: Array) -> None:

@@ -41,33 +41,22 @@ def ramp(axis: str, rate_deg_s: float) -> list[dict[str, Any]]:
     return [{"foot": "both", "motion": [motion]}]
 
 
-@pytest.mark.usual("135.0")
-@pytest.mark.parametrize("direction_deg", [90.0, 135.0, 225.0])
-def test_push_to_the_side_ends_without_a_foot_rocking(
-    walker: Robot, direction_deg: float
-) -> None:
+def test_push_to_the_side_ends_without_a_foot_rocking(walker: Robot) -> None:
     """A foot pushed onto its edge must not take its own tipping for the ground's."""
-    run = run_closed_loop(walker, duration_s=2.8, push=push(direction_deg))
+    run = run_closed_loop(walker, duration_s=2.8, push=push(135.0))
     assert not run.fell
     assert run.F_true[:, NORMAL_ROWS].max() < HARD_LANDING_N
 
 
-@pytest.mark.usual("90.0")
-@pytest.mark.parametrize("direction_deg", [90.0, -90.0])
 def test_pushed_onto_one_foot_it_does_not_count_on_swinging_the_other_leg(
-    walker: Robot, direction_deg: float
+    walker: Robot,
 ) -> None:
-    run = run_closed_loop(
-        walker, duration_s=2.8, push=push(direction_deg, impulse_n_s=38.0)
-    )
+    run = run_closed_loop(walker, duration_s=2.8, push=push(90.0, impulse_n_s=38.0))
     assert not run.fell
 
 
-@pytest.mark.usual("roll-harmonic")
-@pytest.mark.parametrize("profile", ["ideal", "harmonic"])
-@pytest.mark.parametrize("axis", ["roll", "pitch"])
-def test_ground_that_tilts_faster_than_the_paper_dared(axis: str, profile: str) -> None:
-    robot = load_robot("walker", servo_profile=profile)
-    run = run_closed_loop(robot, duration_s=3.0, platform=ramp(axis, 120.0))
+def test_ground_that_tilts_faster_than_the_paper_dared() -> None:
+    robot = load_robot("walker", servo_profile="harmonic")
+    run = run_closed_loop(robot, duration_s=3.0, platform=ramp("roll", 120.0))
     assert not run.fell
     assert np.isfinite(run.commands).all()

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from surefoot.robot_io.robot import Robot, load_robot
+from surefoot.robot_io.robot import Robot
 from surefoot.robot_io.snapshot import Snapshot
 from surefoot.schemas.sensors import SENSORS
 from surefoot.schemas.settings import build_settings
@@ -19,11 +19,6 @@ SPEED = 470.0
 PERIOD_S = 0.001
 NS = 1_000_000
 ALMOST_DB = 5.9
-
-
-@pytest.fixture(scope="module")
-def walker() -> Robot:
-    return load_robot("walker", servo_profile="ideal")
 
 
 def stiffness(robot: Robot, *overrides: str) -> float:

@@ -12,10 +12,9 @@ from surefoot.robot_io.robot import Robot
 from surefoot.stabilizer.dynamics import SOLE_ROWS, Dynamics
 from surefoot.stabilizer.model import RobotModel
 from tests.stabilizer.states import State, states_anywhere
+from tests.test_models_agree import RELATIVE, assert_close
 
 STATES = 20
-RELATIVE = 1e-9
-"""Relative to the largest entry; the rounding of inverting a 34 x 34 matrix."""
 
 
 @pytest.fixture
@@ -33,11 +32,6 @@ def visited(model: RobotModel, dynamics: Dynamics) -> Iterator[State]:
 def enter(dynamics: Dynamics, state: State) -> State:
     dynamics.update(state.q, state.v)
     return state
-
-
-def assert_close(actual: np.ndarray, expected: np.ndarray) -> None:
-    scale = float(np.abs(expected).max())
-    np.testing.assert_allclose(actual, expected, rtol=0.0, atol=RELATIVE * scale)
 
 
 def test_inertia_is_that_of_the_links_plus_that_of_the_drives(

@@ -22,13 +22,6 @@ def test_values_read_and_put_back_change_nothing() -> None:
     assert with_values(DEFAULTS, live_values(DEFAULTS)) == DEFAULTS
 
 
-def test_one_number_stands_for_all_axes() -> None:
-    changed = with_values(DEFAULTS, {"tsid.com_kp": [40.0], "tsid.base_kp": [90.0]})
-    assert changed.tsid.com_kp == (40.0, 40.0, 40.0)
-    assert changed.tsid.base_kp == 90.0
-    assert changed.dik == DEFAULTS.dik
-
-
 @pytest.mark.parametrize(
     ("values", "says"),
     [

@@ -8,18 +8,13 @@ import msgspec
 import numpy as np
 import pytest
 
-from surefoot.robot_io.robot import Robot, load_robot, make_robot
+from surefoot.robot_io.robot import Robot, make_robot
 from surefoot.schemas.settings import build_settings
 from surefoot.stabilizer.margins.linear_loop import LinearLoop
 from surefoot.stabilizer.margins.margins import LoopMargins, compute_margins
 
 DEFAULT = build_settings({}, overrides=[])
 ENOUGH_DB = 6.0
-
-
-@pytest.fixture(scope="module")
-def walker() -> Robot:
-    return load_robot("walker", servo_profile="ideal")
 
 
 @pytest.fixture(scope="module")

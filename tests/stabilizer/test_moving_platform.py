@@ -11,6 +11,7 @@ from surefoot.schemas.scenario import scenario_from_table
 from surefoot.schemas.settings import ControllerSettings
 from surefoot.simulation import Simulation
 from surefoot.stabilizer.controller import HoldController
+from surefoot.stabilizer.factory import make_controller
 from surefoot.stabilizer.model import RobotModel
 from surefoot.stabilizer.whole_body.controller import WholeBodyController
 from tests.stabilizer.closed_loop import NOISE, Run, run_closed_loop, swing
@@ -40,9 +41,24 @@ def run(walker: Robot) -> Run:
     return run_closed_loop(walker, duration_s=DURATION_S, platform=PLATFORM)
 
 
+@pytest.fixture(scope="module", params=["whole-body", "zmp"])
+def law(request: pytest.FixtureRequest) -> str:
+    return request.param
+
+
+def moved(walker: Robot, law: str, *, seed: int, duration_s: float) -> Run:
+    return run_closed_loop(
+        walker,
+        seed=seed,
+        controller=make_controller(law, walker, ControllerSettings()),
+        duration_s=duration_s,
+        platform=PLATFORM,
+    )
+
+
 @pytest.fixture(scope="module")
-def short_run(walker: Robot) -> Run:
-    return run_closed_loop(walker, seed=5, duration_s=SHORT_S, platform=PLATFORM)
+def short_run(walker: Robot, law: str) -> Run:
+    return moved(walker, law, seed=5, duration_s=SHORT_S)
 
 
 def test_robot_stays_up_while_the_ground_moves(run: Run) -> None:
@@ -59,11 +75,10 @@ def test_centre_of_mass_stays_over_the_feet(run: Run) -> None:
 
 
 def test_same_seed_gives_the_same_commands_and_other_noise_others(
-    walker: Robot, short_run: Run
+    walker: Robot, law: str, short_run: Run
 ) -> None:
     again, other = (
-        run_closed_loop(walker, seed=seed, duration_s=AGAIN_S, platform=PLATFORM)
-        for seed in (5, 6)
+        moved(walker, law, seed=seed, duration_s=AGAIN_S) for seed in (5, 6)
     )
     before = short_run.commands[: len(again.commands)]
     np.testing.assert_array_equal(before, again.commands)
@@ -71,11 +86,11 @@ def test_same_seed_gives_the_same_commands_and_other_noise_others(
 
 
 def test_mirrored_sensors_give_mirrored_commands(
-    walker: Robot, model: RobotModel, short_run: Run
+    walker: Robot, model: RobotModel, law: str, short_run: Run
 ) -> None:
     """The robot is symmetric, so nothing may tell left from right."""
     mirror = Mirror(model)
-    controller = WholeBodyController(walker, ControllerSettings())
+    controller = make_controller(law, walker, ControllerSettings())
     controller.start(mirror.snapshot(short_run.snapshots[0]), walker.nominal)
     commands: list[Array] = []
     for snapshot in short_run.snapshots:

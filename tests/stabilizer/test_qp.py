@@ -8,6 +8,7 @@ import pytest
 from surefoot.schemas.arrays import Array, Mat
 from surefoot.stabilizer.qp import DenseQp, QpSolution, QpStatus, SolverAnswer
 from tests.stabilizer.least_distance import LeastDistanceSolver
+from tests.stabilizer.same_answer import filled
 
 N, M = 12, 9
 ARRAYS = ("P", "q_lin", "G", "h_u", "x_l", "x_u")
@@ -38,15 +39,6 @@ def fill(qp: DenseQp, rng: np.random.Generator, *, room: float) -> None:
 
 def cost(qp: DenseQp, x: Array) -> float:
     return float(0.5 * x @ qp.P @ x + qp.q_lin @ x)
-
-
-def with_solver(problem: DenseQp, solver: LeastDistanceSolver) -> DenseQp:
-    """Return the same problem for another solver."""
-    m, n = problem.G.shape
-    other = DenseQp(problem.name, n=n, m=m, solver=solver)
-    for name in ARRAYS:
-        getattr(other, name)[:] = getattr(problem, name)
-    return other
 
 
 @pytest.fixture
@@ -124,12 +116,6 @@ def test_nan_is_a_status(
     assert solution.status is QpStatus.NOT_FINITE
 
 
-def test_nan_in_a_problem_with_only_a_box_is_a_status() -> None:
-    qp = DenseQp("box", n=N, m=0)
-    qp.q_lin[0] = np.nan
-    assert not qp.solve().ok
-
-
 def test_contradiction_is_a_status(qp: DenseQp, rng: np.random.Generator) -> None:
     fill(qp, rng, room=1.0)
     qp.G[1], qp.h_u[1] = -qp.G[0], -qp.h_u[0] - 1.0
@@ -156,20 +142,6 @@ def test_next_good_problem_is_solved_as_if_nothing_had_been(how: str) -> None:
     np.testing.assert_allclose(answers[0], answers[1], atol=SAME_ANSWER)
 
 
-def test_kept_problem_fails_again_on_replay(
-    qp: DenseQp, rng: np.random.Generator
-) -> None:
-    fill(qp, rng, room=1.0)
-    qp.G[1], qp.h_u[1] = -qp.G[0], -qp.h_u[0] - 1.0
-    status = qp.solve().status
-    kept = qp.data(status)
-    fill(qp, rng, room=1.0)
-    replay = DenseQp(kept.name, n=N, m=M)
-    for name in ARRAYS:
-        getattr(replay, name)[:] = getattr(kept, name)
-    assert replay.solve().status == kept.status == status
-
-
 def test_another_solver_gives_the_same_answers(
     qp: DenseQp, rng: np.random.Generator
 ) -> None:
@@ -177,7 +149,7 @@ def test_another_solver_gives_the_same_answers(
     solver = LeastDistanceSolver()
     for _ in range(PROBLEMS):
         fill(qp, rng, room=0.3)
-        other = with_solver(qp, solver).solve()
+        other = filled(qp, solver).solve()
         mine = qp.solve()
         assert mine.ok
         assert other.ok
@@ -195,7 +167,7 @@ def test_another_solvers_failure_is_a_status_too(
 ) -> None:
     fill(qp, rng, room=1.0)
     qp.G[1], qp.h_u[1] = -qp.G[0], -qp.h_u[0] - 1.0
-    solution = with_solver(qp, LeastDistanceSolver()).solve()
+    solution = filled(qp, LeastDistanceSolver()).solve()
     assert solution.status is QpStatus.PRIMAL_INFEASIBLE
     assert solution.problem.data(solution.status).status == "primal infeasible"
 
@@ -206,7 +178,7 @@ def test_a_solver_runs_only_where_limits_press(
     solver = LeastDistanceSolver()
     for room, expected in ((1e4, 0), (0.1, 1)):
         fill(qp, rng, room=room)
-        assert with_solver(qp, solver).solve().ok
+        assert filled(qp, solver).solve().ok
         assert solver.solved == expected
 
 

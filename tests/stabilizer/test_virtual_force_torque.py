@@ -243,14 +243,10 @@ def test_two_feet_do_not_fight_what_a_sensor_invents(walker: Robot) -> None:
     assert max(run.com_error_max_mm[:2]) < 20.0
 
 
-@pytest.mark.usual("y")
 @pytest.mark.closed_loop
-@pytest.mark.parametrize("axis", ["x", "y"])
-def test_a_sudden_false_force_along_the_sole_costs_no_sensor(
-    walker: Robot, axis: str
-) -> None:
+def test_a_sudden_false_force_along_the_sole_costs_no_sensor(walker: Robot) -> None:
     """Its moment about the sole presses far outside of it."""
-    false = {"sensor": "left_ankle_ft", "kind": "jump", "part": "force", "axis": axis}
+    false = {"sensor": "left_ankle_ft", "kind": "jump", "part": "force", "axis": "y"}
     times = {"start_s": 0.6, "duration_s": 5.0}
     run = watched_run(walker, duration_s=2.0, fault=[{**false, **times, "size": 300.0}])
     assert run.losses == {"left_ankle_ft": SensorTrouble.OFFSET}

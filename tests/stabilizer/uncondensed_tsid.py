@@ -44,6 +44,21 @@ class _Cost:
         self.c -= E.T @ W @ e
 
 
+def minimiser(**problem: Array) -> Array:
+    """Solve a QP in PIQP's own terms, tightly."""
+    solver = piqp.DenseSolver()
+    solver.settings.eps_abs = TOLERANCE
+    solver.settings.eps_rel = 0.0
+    solver.settings.eps_duality_gap_abs = TOLERANCE
+    solver.settings.eps_duality_gap_rel = 0.0
+    solver.settings.max_iter = MAX_ITERATIONS
+    solver.setup(**problem)
+    status = solver.solve()
+    assert status == piqp.Status.PIQP_SOLVED, status
+    x: Array = solver.result.x
+    return x
+
+
 def solve_uncondensed(rig: Rig, in_contact: list[bool]) -> Accelerations:
     """Solve the QP at the rig's present state, with the rig's settings."""
     feet = [side for side in (0, 1) if in_contact[side]]
@@ -64,16 +79,8 @@ def solve_uncondensed(rig: Rig, in_contact: list[bool]) -> Accelerations:
         (np.full(n_v, np.inf), rig.model.torque_limit, np.full(n_c, np.inf))
     )
     cost = _cost(rig, feet)
-    solver = piqp.DenseSolver()
-    solver.settings.eps_abs = TOLERANCE
-    solver.settings.eps_rel = 0.0
-    solver.settings.eps_duality_gap_abs = TOLERANCE
-    solver.settings.eps_duality_gap_rel = 0.0
-    solver.settings.max_iter = MAX_ITERATIONS
-    solver.setup(P=cost.P, c=cost.c, A=A, b=b, G=G, h_u=h_u, x_l=-limit, x_u=limit)
-    status = solver.solve()
-    assert status == piqp.Status.PIQP_SOLVED, status
-    qdd, tau, F = np.split(solver.result.x, [n_v, n_v + n_a])
+    x = minimiser(P=cost.P, c=cost.c, A=A, b=b, G=G, h_u=h_u, x_l=-limit, x_u=limit)
+    qdd, tau, F = np.split(x, [n_v, n_v + n_a])
     return Accelerations(qdd=qdd, tau=tau, F=F)
 
 

@@ -55,7 +55,6 @@ def test_a_clear_relay_changes_no_bit(short_scenario: Path) -> None:
     assert clear.relay.counts["joint_command"] == {"arrived": TICKS, "left": TICKS}
 
 
-@pytest.mark.usual("jitter-5ms")
 @pytest.mark.parametrize("name", ["loss-5", "jitter-5ms", "reordered"])
 def test_the_same_seed_gives_the_same_run(short_scenario: Path, name: str) -> None:
     runs = [relayed(run_plan(short_scenario), shipped(name)).plant for _ in range(2)]

@@ -286,16 +286,12 @@ def start(folder: Path, *words: str) -> subprocess.Popen[str]:
     )
 
 
-@pytest.mark.usual("2-bus")
-@pytest.mark.parametrize("words", [["--inline"], []], ids=["inline", "bus"])
-@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
-def test_an_interrupted_run_is_kept_and_says_so(
-    tmp_path: Path, words: list[str], number: int
-) -> None:
+# By other signals: test_stopping.py; in one process: test_ctrl_c.py.
+def test_an_interrupted_run_is_kept_and_says_so(tmp_path: Path) -> None:
     out = tmp_path / "run"
-    run = start(tmp_path, *words)
+    run = start(tmp_path)
     wait_until(lambda: ticks_on_disk(out) > 1000, what="ticks on the disk")
-    run.send_signal(number)
+    run.send_signal(signal.SIGINT)
     told, errors = run.communicate(timeout=120.0)
     assert run.returncode == 130, errors
     assert "interrupted" in told.splitlines()[2]
@@ -303,8 +299,7 @@ def test_an_interrupted_run_is_kept_and_says_so(
     assert loaded.outcome is Outcome.INTERRUPTED
     assert loaded.signals.count == loaded.result.ticks > 1000
     assert not loaded.signals.is_cut_off
-    if not words:
-        assert sf.read_record(out / "run.mcap").is_cut_off is False
+    assert sf.read_record(out / "run.mcap").is_cut_off is False
     assert {name for name in names(out) if name.endswith(".partial")} == set()
 
 

@@ -16,7 +16,7 @@ from surefoot.schemas.scenario import scenario_from_table
 from surefoot.sim_robot.robot_loop import run_robot
 from tests.awkward_robot import AWKWARD, make_awkward
 from tests.command import Surefoot
-from tests.nodes.processes import running
+from tests.nodes.processes import NOISE, running
 from tests.patient_robot import JUDGED, judged_walker, patient_robot_file
 from tests.robot_io.conformance import broken
 from tests.robot_io.conformance.verdict import (
@@ -25,7 +25,6 @@ from tests.robot_io.conformance.verdict import (
 )
 from tests.support import PATIENCE_S
 
-NOISE = {"force_noise_n": 2.0, "gyro_noise_rad_s": 0.002, "accel_noise_m_s2": 0.05}
 SENSOR_FAULTS = [
     (
         (broken.wrong_sign, broken.wxyz),

@@ -11,7 +11,7 @@ import pytest
 
 from surefoot.schemas.arrays import Array
 from surefoot.schemas.settings import WalkSettings
-from surefoot.stabilizer.walking.footsteps import Foothold, LegSpeed
+from surefoot.stabilizer.walking.footsteps import Foothold, LegSpeed, turned
 from surefoot.stabilizer.walking.ground import ExpectedGround
 from surefoot.stabilizer.walking.step_queue import Move
 from surefoot.stabilizer.walking.swing_foot import BACK_M, FREE_S, SwingFoot
@@ -19,11 +19,6 @@ from surefoot.stabilizer.walking.swing_foot import BACK_M, FREE_S, SwingFoot
 SETTINGS = WalkSettings()
 DT, MOST_N = 1e-3, 70.0
 MOVE = Move(3, 0, Foothold(0.4, 0.1, 0.0, 0.0), 0.6, 0.2, 0.05)
-
-
-def turned(yaw: float) -> Array:
-    cos, sin = math.cos(yaw), math.sin(yaw)
-    return np.array([[cos, -sin, 0.0], [sin, cos, 0.0], [0.0, 0.0, 1.0]])
 
 
 def soles(*, x: float = 0.0, z: float = 0.0, yaw: float = 0.0) -> Any:

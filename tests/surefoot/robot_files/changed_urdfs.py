@@ -6,8 +6,6 @@ from collections.abc import Callable
 from pathlib import Path
 from xml.etree import ElementTree
 
-import numpy as np
-
 from surefoot.robot_files.new_robot import NewRobot, NewRobotOptions, new_robot
 from surefoot.robot_io.robot import load_robot
 
@@ -123,12 +121,6 @@ def with_limits(**limits: str) -> Change:
     return change
 
 
-def in_degrees(root: ElementTree.Element) -> None:
-    for limit in root.iterfind("joint/limit"):
-        for key in ("lower", "upper"):
-            limit.set(key, str(np.degrees(float(limit.get(key, "0")))))
-
-
 def in_millimetres(root: ElementTree.Element) -> None:
     for element in root.iter():
         for key in ("xyz", "size", "radius", "length"):
@@ -194,11 +186,6 @@ without_sensor_mounts = both(
 with_weak_knees = both(*(altered(f"{s}_knee", "limit", effort="40") for s in SIDES))
 
 
-def without_knee_limit(root: ElementTree.Element) -> None:
-    knee = part(root, "joint", "left_knee")
-    knee.remove(knee.findall("limit")[0])
-
-
 def with_halves_of_tags(root: ElementTree.Element) -> None:
     """Add incomplete elements that Pinocchio refuses and nobody needs."""
     for moved in root.findall("joint"):
@@ -254,18 +241,6 @@ def with_a_skin(root: ElementTree.Element) -> None:
 
 def with_two_bases(root: ElementTree.Element) -> None:
     ElementTree.SubElement(root, "link", name="stand")
-
-
-def with_two_of_one_name(root: ElementTree.Element) -> None:
-    weigh(ElementTree.SubElement(root, "link", name="left_hand"), 0.1)
-
-
-def with_a_tool(kind: str) -> Change:
-    def change(root: ElementTree.Element) -> None:
-        joint(root, "tool_mount", kind, "left_hand", "tool")
-        weigh(part(root, "link", "tool"), 1.0)
-
-    return change
 
 
 def with_axes_of_zeros(root: ElementTree.Element) -> None:

@@ -20,14 +20,19 @@ def still(folder: Path) -> Path:
     return path
 
 
-def spec_of(scenario: Path, *, sampler_seed: int = 0) -> Spec:
+def spec_of(
+    scenario: Path,
+    *objectives: str,
+    controller: str = HOLDS,
+    sampler_seed: int = 0,
+) -> Spec:
     """Return a search on a scenario."""
     return make_spec(
         [str(scenario)],
         PARAMS,
-        objectives=["com", "force"],
+        objectives=list(objectives or ("com", "force")),
         seeds=[0],
-        controller=HOLDS,
+        controller=controller,
         settings=None,
         overrides=(),
         robot="walker",

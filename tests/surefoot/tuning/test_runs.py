@@ -18,7 +18,6 @@ from surefoot.schemas.scenario import Scenario, scenario_from_table
 from surefoot.schemas.toml_file import struct_table, toml_text
 from surefoot.studies.cell import Group
 from surefoot.studies.store import Task
-from surefoot.tuning.ask import Spec, make_spec
 from surefoot.tuning.objectives import (
     BEYOND,
     SCORE,
@@ -32,26 +31,10 @@ from surefoot.tuning.objectives import (
     mean_figures,
     stimulus_of,
 )
-from tests.surefoot.tuning.searches import HOLDS, still
+from tests.surefoot.tuning.searches import HOLDS, spec_of, still
 
 TILT = Stimulus("prts", "pitch", 4.0)
 SWAY = sway_cell(TILT, Under("whole-body", "ideal"), height_m=0.8)
-
-
-def spec_of(scenario: Path, *, controller: str, objective: str) -> Spec:
-    return make_spec(
-        [str(scenario)],
-        {"tsid.com_kp": (10, 80)},
-        objectives=[objective],
-        seeds=[0],
-        controller=controller,
-        settings=None,
-        overrides=(),
-        robot="walker",
-        servo_profile=None,
-        sampler="tpe",
-        sampler_seed=0,
-    )
 
 
 def changed(**keys: object) -> Scenario:
@@ -70,11 +53,11 @@ def test_tilt_of_comtest_is_known_again_and_nothing_else_is() -> None:
 
 def test_objectives_that_nothing_has_are_refused(tmp_path: Path) -> None:
     with pytest.raises(UsageError, match="none of the scenarios is a tilt"):
-        spec_of(still(tmp_path), controller="whole-body", objective="score")
+        spec_of(still(tmp_path), "score", controller="whole-body")
     with pytest.raises(UsageError, match="none of the scenarios has a table"):
-        spec_of(still(tmp_path), controller="whole-body", objective="dcm")
+        spec_of(still(tmp_path), "dcm", controller="whole-body")
     with pytest.raises(UsageError, match="whole-body controller's loop"):
-        spec_of(still(tmp_path), controller=HOLDS, objective="margin")
+        spec_of(still(tmp_path), "margin")
 
 
 @pytest.mark.parametrize(
@@ -116,7 +99,7 @@ def test_margin_is_that_of_the_command_and_worse_for_a_fast_loop(
     robot = load_robot("walker")
     margins = sf.compute_margins(robot)
     profile = robot.file.servo.profile
-    spec = spec_of(still(tmp_path), controller="whole-body", objective="margin")
+    spec = spec_of(still(tmp_path), "margin", controller="whole-body")
     (cell,) = spec.cells(spec.scenarios, [0])
     row = spec.task(cell, dict(spec.start)).run()
     assert row[SENSITIVITY] == pytest.approx(2.0 / margins.disk)
@@ -130,7 +113,7 @@ def test_walk_that_is_refused_is_no_better_than_a_fall(tmp_path: Path) -> None:
         'name = "walk"\nduration_s = 0.05\n[walk]\nstart_s = 0.01\n'
         '[[walk.step]]\nside = "left"\nposition_m = [0.2, 0.1]\n'
     )
-    spec = spec_of(path, controller="whole-body", objective="dcm")
+    spec = spec_of(path, "dcm", controller="whole-body")
     (cell,) = spec.cells(spec.scenarios, [0])
     row = Task(cell, "walker", ("walk.longest_m=0.05",)).run()
     assert row["outcome"] == "stood"
