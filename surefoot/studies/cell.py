@@ -18,7 +18,7 @@ from surefoot.run_plan import resolve_settings
 from surefoot.schemas.reasons import Outcome
 from surefoot.schemas.settings import ControllerSettings, setting_names
 from surefoot.schemas.validation import nearest
-from surefoot.stabilizer.factory import controller_names, find_controller
+from surefoot.stabilizer.factory import find_controller, list_controllers
 
 if TYPE_CHECKING:
     from surefoot.run_plan import RunPlan
@@ -258,7 +258,7 @@ def find_variant(name: str) -> Variant:
     """
     if name in VARIANTS:
         return VARIANTS[name]
-    names = [*dict.fromkeys([*VARIANTS, *controller_names()])]
+    names = [*dict.fromkeys([*VARIANTS, *list_controllers()])]
     if name not in names and ":" not in name:
         raise UsageError(
             f"no controller {name!r}{nearest(name, names)}; expected one of "
