@@ -349,11 +349,10 @@ def view(
     waits for a robot without limit.
     """
     import logging
-    from importlib.util import find_spec
 
     from surefoot.cli.console import print_note
     from surefoot.errors import EnvironmentFailedError
-    from surefoot.installation import install_command
+    from surefoot.installation import lacking
     from surefoot.processes.child import begin_process
     from surefoot.robot_io.realtime import StopRequest
     from surefoot.robot_io.security.locators import check_locators
@@ -363,11 +362,8 @@ def view(
     logging.getLogger("websockets").setLevel(logging.WARNING)
     model, meeting = options.dialed(robot, servo_profile, endpoints, connect)
     check_locators(meeting.connect, verb="dial")
-    if find_spec("viser") is None or find_spec("yourdfpy") is None:
-        raise EnvironmentFailedError(
-            "the live page needs viser and yourdfpy, which are not installed; "
-            f"{install_command('view')}"
-        )
+    if words := lacking("the live page", "viser", "yourdfpy", extra="view"):
+        raise EnvironmentFailedError(words)
     chosen = free_port(port)
     from surefoot.view.page import LivePage  # slow import; report bad options first
 
