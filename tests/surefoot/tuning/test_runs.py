@@ -83,7 +83,7 @@ def test_objectives_that_nothing_has_are_refused(tmp_path: Path) -> None:
         ({"params": {"tsid.comkp": (1, 2)}}, "did you mean 'tsid.com_kp'"),
         ({"params": {}}, "expected at least one"),
         ({"params": ["dik.com_gain", "dik.com_gain.x=1:4"]}, "searched twice"),
-        ({"objectives": ["com", "fall"]}, "expected some of com"),
+        ({"objectives": ["com", "fall"]}, "expected one of com"),
         ({"params": ["tsid.com_kp"], "controller": "zmp"}, "whole-body would"),
         ({"held_out_seeds": [0]}, "the search sees some of them"),
         ({"held_out_seeds": [1, 1]}, "--held-out-seeds: 1 is named twice"),
