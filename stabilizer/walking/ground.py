@@ -64,11 +64,12 @@ class ExpectedGround:
 
     With both feet planted its normal is the mean of the soles' normals, as far as these
     agree with each other and with the line between the soles. A platform is followed;
-    stones at random angles count as level. From when one foot leaves until it has
-    landed, the ground turns with the other one's sole: as far as both soles have been
-    seen to turn together, and about each axis only while the pressure is off the sole's
-    edge. A sole that tips stands on that edge, or on an edge of a stone anywhere under
-    it.
+    stones at random angles count as level.
+
+    From when one foot leaves until it has landed, the ground turns with the other sole,
+    as far as both soles have been seen to turn together. About an axis it does so only
+    while the pressure is off the sole's edge. A sole that tips stands on that edge, or
+    on an edge of a stone anywhere under it.
 
     Attributes:
         normal: (3,) unit, world.
