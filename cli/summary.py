@@ -63,8 +63,8 @@ def run_table(result: RunResult) -> Table:
 
 def _add_figures(table: Table, result: RunResult) -> None:
     """Add what was measured, of a run that reached its first tick."""
-    _add_motion(table, result)
-    _add_forces(table, result)
+    _add_motion(table, result, walked=result.has_walked)
+    _add_forces(table, result, walked=result.has_walked)
     _add_force_error(table, result)
     table.add_section()
     _add_timing(table, result)
@@ -84,8 +84,8 @@ def plant_table(result: PlantResult, judgement: Judgement, *, title: str) -> Tab
     table = _figures(title)
     _add_outcome(table, judgement)
     if result.ticks:
-        _add_motion(table, result)
-        _add_forces(table, result)
+        _add_motion(table, result, walked=result.is_walk)
+        _add_forces(table, result, walked=result.is_walk)
         table.add_section()
         _add_timing(table, result)
         _add_gate(table, result)
@@ -176,9 +176,9 @@ def _add_outcome(table: Table, judgement: Judgement) -> None:
     table.add_row("outcome", Text(judgement.sentence, f"bold {colour}"))
 
 
-def _add_motion(table: Table, result: RunResult | PlantResult) -> None:
+def _add_motion(table: Table, result: RunResult | PlantResult, *, walked: bool) -> None:
     """Add CoM errors of a robot that stood, DCM errors of one that walked."""
-    if not result.has_walked:
+    if not walked:
         table.add_row("CoM error rms (x, y, z)", _row(result.com_error_rms_mm, "mm"))
         table.add_row("CoM error max (x, y, z)", _row(result.com_error_max_mm, "mm"))
     elif isinstance(result, RunResult) and result.placement_error_max_mm is not None:
@@ -189,12 +189,12 @@ def _add_motion(table: Table, result: RunResult | PlantResult) -> None:
     table.add_section()
 
 
-def _add_forces(table: Table, result: RunResult | PlantResult) -> None:
+def _add_forces(table: Table, result: RunResult | PlantResult, *, walked: bool) -> None:
     peak = _row(result.force_peak_n, "N", since_s=0.2)
     for ground in result.recorded_ground:
         table.add_row(f"ground, {ground.file}", _recorded(ground))
     table.add_row("force peak (left, right)", peak)
-    if not result.has_walked:
+    if not walked:
         table.add_row("contact lost (left, right)", _row(result.contact_lost_s, "s"))
     elif result.touchdown_peak_n is not None:
         table.add_row(

@@ -63,7 +63,7 @@ class TuneCell(Cell):
         if EFFORT in self.extra:
             power = abs(sim.signals["effort"] * sim.signals["dq"]).sum(axis=1)
             row[EFFORT] = float(power.mean())
-        if sway is not None and probe is not None and is_up(row):
+        if sway is not None and probe is not None and succeeded(row):
             row[SCORE] = sway_result(sway, {**row, "seen": probe.figures()}).score
         if SENSITIVITY in self.extra:
             profile = plan.robot.file.servo.profile
@@ -209,7 +209,7 @@ def find_objectives(names: Sequence[str]) -> list[Objective]:
     return [OBJECTIVES[name] for name in known]
 
 
-def is_up(row: Row) -> bool:
+def succeeded(row: Row) -> bool:
     """Return whether the robot was up at the end, and walked if it had a walk."""
     return Outcome(row["outcome"]).is_up and UNWALKED not in row
 

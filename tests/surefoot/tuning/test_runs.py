@@ -28,9 +28,9 @@ from surefoot.tuning.objectives import (
     _sensitivity,
     find_objectives,
     is_beaten,
-    is_up,
     mean_figures,
     stimulus_of,
+    succeeded,
 )
 from tests.surefoot.tuning.searches import HOLDS, still
 
@@ -135,7 +135,7 @@ def test_walk_that_is_refused_is_no_better_than_a_fall(tmp_path: Path) -> None:
     row = Task(cell, "walker", ("walk.longest_m=0.05",)).run()
     assert row["outcome"] == "stood"
     assert "at most 0.05 m" in row[UNWALKED]
-    assert not is_up(row)
+    assert not succeeded(row)
 
 
 def test_mean_is_over_the_runs_that_have_the_figure() -> None:
