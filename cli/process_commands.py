@@ -41,7 +41,7 @@ def robot(
     from msgspec.structs import replace
 
     from surefoot.cli.console import print_result
-    from surefoot.cli.summary import plant_table, with_histograms
+    from surefoot.cli.summary import plant_table
     from surefoot.out_folder import write_json
     from surefoot.outcome import judge
     from surefoot.processes.child import begin_process, log_note, progress_reporter
@@ -96,9 +96,7 @@ def robot(
     if not child:
         print_result(
             result,
-            lambda: with_histograms(
-                plant_table(result, judgement, title=scenario), result.histograms
-            ),
+            lambda: plant_table(result, judgement, title=scenario),
             as_json=as_json,
         )
     raise typer.Exit(code)
@@ -164,7 +162,7 @@ def stabilizer(
     from msgspec.structs import replace
 
     from surefoot.cli.console import print_result
-    from surefoot.cli.summary import controller_table, with_histograms
+    from surefoot.cli.summary import controller_table
     from surefoot.out_folder import write_json
     from surefoot.processes.child import begin_process, log_note, log_warning
     from surefoot.robot_io.realtime import Pace, StopRequest
@@ -223,10 +221,7 @@ def stabilizer(
     if not child:
         print_result(
             result,
-            lambda: with_histograms(
-                controller_table(result, controller, is_realtime=not lockstep),
-                result.histograms,
-            ),
+            lambda: controller_table(result, controller, is_realtime=not lockstep),
             as_json=as_json,
         )
     if child and result.end in _IN_ORDER:

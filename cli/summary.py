@@ -40,7 +40,7 @@ SLIVER = 0.126 / BAR_WIDTH
 """Least length of a histogram's bar, as a share: an eighth of a character."""
 
 
-def run_table(result: RunResult) -> Table:
+def run_table(result: RunResult) -> RenderableGroup:
     """Return a table of a run's figures."""
     table = _figures(
         f"{result.scenario}, {result.controller}, {result.robot}, seed {result.seed}, "
@@ -58,7 +58,7 @@ def run_table(result: RunResult) -> Table:
     if result.out is not None:
         table.add_section()
         table.add_row("kept in", result.out)
-    return table
+    return _with_histograms(table, result)
 
 
 def _add_figures(table: Table, result: RunResult) -> None:
@@ -79,7 +79,9 @@ def _add_figures(table: Table, result: RunResult) -> None:
     _add_losses(table, result)
 
 
-def plant_table(result: PlantResult, judgement: Judgement, *, title: str) -> Table:
+def plant_table(
+    result: PlantResult, judgement: Judgement, *, title: str
+) -> RenderableGroup:
     """Return a table of the simulated robot's figures."""
     table = _figures(title)
     _add_outcome(table, judgement)
@@ -89,12 +91,12 @@ def plant_table(result: PlantResult, judgement: Judgement, *, title: str) -> Tab
         table.add_section()
         _add_timing(table, result)
         _add_gate(table, result)
-    return table
+    return _with_histograms(table, result)
 
 
 def controller_table(
     result: ControllerResult, name: str, *, is_realtime: bool
-) -> Table:
+) -> RenderableGroup:
     """Return a table of the stabilizer's figures."""
     table = _figures(f"{name}: {in_words(result.end, result.end_detail)}")
     table.add_row("ticks", str(result.ticks))
@@ -107,7 +109,7 @@ def controller_table(
     _add_losses(table, result)
     if result.restarts:
         table.add_row("started anew", f"{result.restarts} times")
-    return table
+    return _with_histograms(table, result)
 
 
 def relay_table(result: RelayResult) -> Table:
@@ -301,11 +303,11 @@ def histogram_table(name: str, histogram: Histogram) -> Table:
     return table
 
 
-def with_histograms(table: Table, histograms: dict[str, Histogram]) -> RenderableGroup:
-    """Return a table with the histograms of its times, if any, below it."""
-    return RenderableGroup(
-        table, *map(histogram_table, histograms, histograms.values())
-    )
+def _with_histograms(
+    table: Table, result: RunResult | PlantResult | ControllerResult
+) -> RenderableGroup:
+    below = [histogram_table(*named) for named in result.histograms.items()]
+    return RenderableGroup(table, *below)
 
 
 def _range(edges: list[float], index: int) -> str:
