@@ -75,7 +75,7 @@ def _our_trips(robot: Robot, ticks: int) -> float:
         with RobotServer(
             robot, gate, endpoints=endpoints, stop=StopRequest()
         ) as server:
-            if not server.wait_until_active(now_s=0.0, timeout_s=START_TIMEOUT_S):
+            if not server.wait_until_active(timeout_s=START_TIMEOUT_S):
                 raise SystemExit("the answering process did not come up")
 
             def trip() -> None:

@@ -59,9 +59,9 @@ def complete_robot(incomplete: str) -> list[str]:
 
 def complete_controller(incomplete: str) -> list[str]:
     """Return shipped and installed controllers that begin like this."""
-    from surefoot.stabilizer.factory import controller_names
+    from surefoot.stabilizer.factory import list_controllers
 
-    return [name for name in controller_names() if name.startswith(incomplete)]
+    return [name for name in list_controllers() if name.startswith(incomplete)]
 
 
 def complete_setting(incomplete: str) -> list[str]:

@@ -41,7 +41,7 @@ def robot(
     from msgspec.structs import replace
 
     from surefoot.cli.console import print_result
-    from surefoot.cli.summary import plant_table, with_histograms
+    from surefoot.cli.summary import plant_table
     from surefoot.out_folder import write_json
     from surefoot.outcome import judge
     from surefoot.processes.child import begin_process, log_note, progress_reporter
@@ -96,9 +96,7 @@ def robot(
     if not child:
         print_result(
             result,
-            lambda: with_histograms(
-                plant_table(result, judgement, title=scenario), result.histograms
-            ),
+            lambda: plant_table(result, judgement, title=scenario),
             as_json=as_json,
         )
     raise typer.Exit(code)
@@ -164,7 +162,7 @@ def stabilizer(
     from msgspec.structs import replace
 
     from surefoot.cli.console import print_result
-    from surefoot.cli.summary import controller_table, with_histograms
+    from surefoot.cli.summary import controller_table
     from surefoot.out_folder import write_json
     from surefoot.processes.child import begin_process, log_note, log_warning
     from surefoot.robot_io.realtime import Pace, StopRequest
@@ -223,10 +221,7 @@ def stabilizer(
     if not child:
         print_result(
             result,
-            lambda: with_histograms(
-                controller_table(result, controller, is_realtime=not lockstep),
-                result.histograms,
-            ),
+            lambda: controller_table(result, controller, is_realtime=not lockstep),
             as_json=as_json,
         )
     if child and result.end in _IN_ORDER:
@@ -349,11 +344,10 @@ def view(
     waits for a robot without limit.
     """
     import logging
-    from importlib.util import find_spec
 
     from surefoot.cli.console import print_note
     from surefoot.errors import EnvironmentFailedError
-    from surefoot.installation import install_command
+    from surefoot.installation import lacking
     from surefoot.processes.child import begin_process
     from surefoot.robot_io.realtime import StopRequest
     from surefoot.robot_io.security.locators import check_locators
@@ -363,11 +357,8 @@ def view(
     logging.getLogger("websockets").setLevel(logging.WARNING)
     model, meeting = options.dialed(robot, servo_profile, endpoints, connect)
     check_locators(meeting.connect, verb="dial")
-    if find_spec("viser") is None or find_spec("yourdfpy") is None:
-        raise EnvironmentFailedError(
-            "the live page needs viser and yourdfpy, which are not installed; "
-            f"{install_command('view')}"
-        )
+    if words := lacking("the live page", "viser", "yourdfpy", extra="view"):
+        raise EnvironmentFailedError(words)
     chosen = free_port(port)
     from surefoot.view.page import LivePage  # slow import; report bad options first
 

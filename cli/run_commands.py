@@ -119,7 +119,7 @@ def run(
         progress_bar,
         show_notes,
     )
-    from surefoot.cli.summary import run_table, with_histograms
+    from surefoot.cli.summary import run_table
     from surefoot.controllers import notices
     from surefoot.run_plan import make_plan
     from surefoot.runs import execute
@@ -170,11 +170,7 @@ def run(
         error, done = cut, cut.run
     if done is not None:
         result = done.result
-        print_result(
-            result,
-            lambda: with_histograms(run_table(result), result.histograms),
-            as_json=as_json,
-        )
+        print_result(result, lambda: run_table(result), as_json=as_json)
     if error is not None:
         raise error
     if video:

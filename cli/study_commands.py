@@ -14,7 +14,6 @@ from surefoot.cli.options import complete_scenario
 from surefoot.errors import UsageError
 
 MOST_SEED = 2**62
-REPORT_NEEDS = ("viser", "yourdfpy", "plotly")
 OutOption = Annotated[
     Path,
     typer.Option(
@@ -270,18 +269,12 @@ def report(
 
     The page is one folder. It opens offline and can be sent to others.
     """
-    from importlib.util import find_spec
-
     from surefoot.cli.console import count_bar, print_text
     from surefoot.errors import EnvironmentFailedError
-    from surefoot.installation import install_command
+    from surefoot.installation import lacking
 
-    missing = [name for name in REPORT_NEEDS if find_spec(name) is None]
-    if missing:
-        raise EnvironmentFailedError(
-            f"a report needs {', '.join(missing)}, not installed here; "
-            f"{install_command('view')}"
-        )
+    if words := lacking("a report", "viser", "yourdfpy", "plotly", extra="view"):
+        raise EnvironmentFailedError(words)
     from surefoot.report.video import load_drawing
 
     if video or animation:

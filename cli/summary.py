@@ -40,7 +40,7 @@ SLIVER = 0.126 / BAR_WIDTH
 """Least length of a histogram's bar, as a share: an eighth of a character."""
 
 
-def run_table(result: RunResult) -> Table:
+def run_table(result: RunResult) -> RenderableGroup:
     """Return a table of a run's figures."""
     table = _figures(
         f"{result.scenario}, {result.controller}, {result.robot}, seed {result.seed}, "
@@ -58,13 +58,13 @@ def run_table(result: RunResult) -> Table:
     if result.out is not None:
         table.add_section()
         table.add_row("kept in", result.out)
-    return table
+    return _with_histograms(table, result)
 
 
 def _add_figures(table: Table, result: RunResult) -> None:
     """Add what was measured, of a run that reached its first tick."""
-    _add_motion(table, result)
-    _add_forces(table, result)
+    _add_motion(table, result, walked=result.has_walked)
+    _add_forces(table, result, walked=result.has_walked)
     _add_force_error(table, result)
     table.add_section()
     _add_timing(table, result)
@@ -79,22 +79,24 @@ def _add_figures(table: Table, result: RunResult) -> None:
     _add_losses(table, result)
 
 
-def plant_table(result: PlantResult, judgement: Judgement, *, title: str) -> Table:
+def plant_table(
+    result: PlantResult, judgement: Judgement, *, title: str
+) -> RenderableGroup:
     """Return a table of the simulated robot's figures."""
     table = _figures(title)
     _add_outcome(table, judgement)
     if result.ticks:
-        _add_motion(table, result)
-        _add_forces(table, result)
+        _add_motion(table, result, walked=result.is_walk)
+        _add_forces(table, result, walked=result.is_walk)
         table.add_section()
         _add_timing(table, result)
         _add_gate(table, result)
-    return table
+    return _with_histograms(table, result)
 
 
 def controller_table(
     result: ControllerResult, name: str, *, is_realtime: bool
-) -> Table:
+) -> RenderableGroup:
     """Return a table of the stabilizer's figures."""
     table = _figures(f"{name}: {in_words(result.end, result.end_detail)}")
     table.add_row("ticks", str(result.ticks))
@@ -107,7 +109,7 @@ def controller_table(
     _add_losses(table, result)
     if result.restarts:
         table.add_row("started anew", f"{result.restarts} times")
-    return table
+    return _with_histograms(table, result)
 
 
 def relay_table(result: RelayResult) -> Table:
@@ -176,9 +178,9 @@ def _add_outcome(table: Table, judgement: Judgement) -> None:
     table.add_row("outcome", Text(judgement.sentence, f"bold {colour}"))
 
 
-def _add_motion(table: Table, result: RunResult | PlantResult) -> None:
+def _add_motion(table: Table, result: RunResult | PlantResult, *, walked: bool) -> None:
     """Add CoM errors of a robot that stood, DCM errors of one that walked."""
-    if not result.has_walked:
+    if not walked:
         table.add_row("CoM error rms (x, y, z)", _row(result.com_error_rms_mm, "mm"))
         table.add_row("CoM error max (x, y, z)", _row(result.com_error_max_mm, "mm"))
     elif isinstance(result, RunResult) and result.placement_error_max_mm is not None:
@@ -189,12 +191,12 @@ def _add_motion(table: Table, result: RunResult | PlantResult) -> None:
     table.add_section()
 
 
-def _add_forces(table: Table, result: RunResult | PlantResult) -> None:
+def _add_forces(table: Table, result: RunResult | PlantResult, *, walked: bool) -> None:
     peak = _row(result.force_peak_n, "N", since_s=0.2)
     for ground in result.recorded_ground:
         table.add_row(f"ground, {ground.file}", _recorded(ground))
     table.add_row("force peak (left, right)", peak)
-    if not result.has_walked:
+    if not walked:
         table.add_row("contact lost (left, right)", _row(result.contact_lost_s, "s"))
     elif result.touchdown_peak_n is not None:
         table.add_row(
@@ -301,11 +303,11 @@ def histogram_table(name: str, histogram: Histogram) -> Table:
     return table
 
 
-def with_histograms(table: Table, histograms: dict[str, Histogram]) -> RenderableGroup:
-    """Return a table with the histograms of its times, if any, below it."""
-    return RenderableGroup(
-        table, *map(histogram_table, histograms, histograms.values())
-    )
+def _with_histograms(
+    table: Table, result: RunResult | PlantResult | ControllerResult
+) -> RenderableGroup:
+    below = [histogram_table(*named) for named in result.histograms.items()]
+    return RenderableGroup(table, *below)
 
 
 def _range(edges: list[float], index: int) -> str:

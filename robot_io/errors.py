@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
-
 from surefoot.schemas.reasons import RequestRefusal
 
 
@@ -16,12 +14,7 @@ class RobotFileError(RobotIoError, ValueError):
 
 
 class EndpointError(RobotIoError, OSError):
-    """A session cannot listen or dial at its locators; ``locators`` names them."""
-
-    def __init__(self, message: str, *, locators: list[str]) -> None:
-        """Keep the locators beside the message."""
-        super().__init__(message)
-        self.locators = locators
+    """A session cannot listen or dial at its locators."""
 
 
 class LocatorError(EndpointError):
@@ -47,31 +40,11 @@ class RequestRefusedError(RobotIoError):
 
 
 class RobotMismatchError(RobotIoError, ValueError):
-    """The robot on the bus is not the expected one.
-
-    Attributes:
-        namespace: namespace of both robots.
-        differing: parts of the description that differ.
-    """
-
-    def __init__(
-        self, message: str, *, namespace: str, differing: Iterable[str] = ()
-    ) -> None:
-        """Keep the differing parts beside the message."""
-        super().__init__(message)
-        self.namespace = namespace
-        self.differing = tuple(differing)
+    """The robot on the bus is not the expected one."""
 
 
 class SecondRobotError(RobotMismatchError):
     """Two robots of one namespace are on the bus."""
-
-    def __init__(
-        self, message: str, *, namespace: str, instances: Iterable[str]
-    ) -> None:
-        """Keep the instances beside the message."""
-        super().__init__(message, namespace=namespace)
-        self.instances = tuple(instances)
 
 
 class CertificateError(RobotIoError, ValueError):

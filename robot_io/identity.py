@@ -102,15 +102,11 @@ def check_description(robot: Robot, ours: str, theirs: str) -> None:
         raise RobotMismatchError(
             f"the robot {namespace!r} on the bus does not tell its description as this "
             f"version of Surefoot does: got {theirs or 'nothing'}, expected "
-            f"{len(PARTS)} hashes; use the same version on both sides",
-            namespace=namespace,
-            differing=parts,
+            f"{len(PARTS)} hashes; use the same version on both sides"
         )
     raise RobotMismatchError(
         f"the robot {namespace!r} on the bus is not ours: its robot description "
-        f"differs in: {', '.join(parts)}; {SAME_FILE}",
-        namespace=namespace,
-        differing=parts,
+        f"differs in: {', '.join(parts)}; {SAME_FILE}"
     )
 
 

@@ -11,7 +11,6 @@ import math
 import xml.etree.ElementTree as ElementTree
 from collections import Counter
 from collections.abc import Collection, Iterable
-from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -43,14 +42,6 @@ INERTIA = ("ixx", "iyy", "izz", "ixy", "ixz", "iyz")
 """Attributes of <inertia>."""
 
 
-@dataclass(frozen=True)
-class Inertial:
-    """Mass and inertia of a link, about its own centre of mass."""
-
-    mass_kg: float
-    inertia: Mat
-
-
 class Urdf:
     """A URDF whose links form a tree and whose numbers are plausible."""
 
@@ -79,8 +70,8 @@ class Urdf:
             )
         for name, joint in self.joints.items():
             self._check_joint(name, joint)
-        self._inertials = {
-            name: self._inertial(name, link) for name, link in self.links.items()
+        self._masses = {
+            name: self._checked_mass(name, link) for name, link in self.links.items()
         }
 
     def refused(self, words: str) -> RobotFileError:
@@ -122,8 +113,7 @@ class Urdf:
 
     def mass_of(self, link: str) -> float:
         """Return the mass of one link [kg]; zero if it has none."""
-        inertial = self._inertials[link]
-        return 0.0 if inertial is None else inertial.mass_kg
+        return self._masses[link]
 
     def check_masses(self) -> None:
         """Refuse moving links without mass, and robots in other units.
@@ -244,10 +234,10 @@ class Urdf:
             raise self.refused(f"{place}: got 0 0 0, expected a direction")
         return axis / length
 
-    def _inertial(self, name: str, link: ElementTree.Element) -> Inertial | None:
+    def _checked_mass(self, name: str, link: ElementTree.Element) -> float:
         element = link.find("inertial")
         if element is None:
-            return None
+            return 0.0
         place = f"link {name!r}: inertial"
         for part in ("xyz", "rpy"):
             self.vector(element.find("origin"), part, f"{place}: origin")
@@ -259,7 +249,7 @@ class Urdf:
             raise self.refused(f"{place}: mass {mass:g} is negative; expected kg")
         if tensor is None:
             if mass == 0.0:
-                return Inertial(0.0, np.zeros((3, 3)))
+                return 0.0
             raise self.refused(f"{place}: no <inertia> in it, but a mass of {mass:g}")
         xx, yy, zz, xy, xz, yz = (
             self.number(tensor, key, f"{place}: inertia") for key in INERTIA
@@ -267,7 +257,7 @@ class Urdf:
         inertia = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
         if mass > 0.0:
             self._check_inertia(place, mass, inertia)
-        return Inertial(mass, inertia)
+        return mass
 
     def _check_inertia(self, place: str, mass: float, inertia: Mat) -> None:
         a, b, c = np.linalg.eigvalsh(inertia)  # in rising order

@@ -149,7 +149,7 @@ class PlantResult(msgspec.Struct, frozen=True, kw_only=True):
     """Largest true normal force within 0.1 s of a touchdown, in a walk; else None."""
 
     @property
-    def has_walked(self) -> bool:
+    def is_walk(self) -> bool:
         """Whether the scenario is a walk; single steps are not known here."""
         return self.distance_m is not None
 

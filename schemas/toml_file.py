@@ -5,6 +5,7 @@ Also writes files of any kind atomically: whole, or not at all.
 
 from __future__ import annotations
 
+import json
 import math
 import os
 import secrets
@@ -187,6 +188,11 @@ def parse_override(
             f"{option} {text!r}: expected KEY=VALUE, such as {example}", field=text
         )
     return path.strip(), parse_value(value, what=f"{option} {path.strip()}")
+
+
+def override_texts(values: Mapping[str, Any]) -> list[str]:
+    """Return values as texts ``KEY=VALUE``, which :func:`parse_override` reads back."""
+    return [f"{key}={json.dumps(value)}" for key, value in values.items()]
 
 
 def parse_value(text: str, *, what: str) -> Any:

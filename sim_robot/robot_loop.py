@@ -236,7 +236,7 @@ def run_robot(
             period_s=robot.period_s,
             on_tick=on_tick,
         )
-        is_commanded = server.wait_until_active(now_s=0.0, timeout_s=wait_s)
+        is_commanded = server.wait_until_active(timeout_s=wait_s)
         begin_s = time.monotonic()
         if is_commanded:
             with quiet_interpreter():

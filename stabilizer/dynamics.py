@@ -30,6 +30,11 @@ def cross(a: Vec3, b: Vec3) -> Vec3:
     )
 
 
+def part_between(value: float, none: float, whole: float) -> float:
+    """Return 0 up to ``none``, 1 from ``whole`` on, in proportion between."""
+    return min(max((value - none) / (whole - none), 0.0), 1.0)
+
+
 class SolesAndCom(Protocol):
     """Centre of mass and soles at one state.
 

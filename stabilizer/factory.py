@@ -226,7 +226,7 @@ def make_controller(
     return find_controller(name)(robot, settings)
 
 
-def controller_names() -> list[str]:
+def list_controllers() -> list[str]:
     """Return the names of all controllers: shipped ones and installed entry points."""
     installed = {entry.name for entry in entry_points(group=ENTRY_POINTS)}
     return [*CONTROLLERS, *sorted(installed - set(CONTROLLERS))]
@@ -272,7 +272,7 @@ def find_target(name: str) -> Any:
     for entry in entry_points(group=ENTRY_POINTS):
         if entry.name == name:
             return entry.load()
-    known = controller_names()
+    known = list_controllers()
     raise ControllerError(
         f"controller: got {name!r}{nearest(name, known)}; expected one of "
         f"{', '.join(known)}, package.module:Class or path/to/file.py:Class"

@@ -267,6 +267,12 @@ def yaw_from(R: Mat, yaw: float) -> float:
     return math.remainder(math.atan2(R.item(1, 0), R.item(0, 0)) - yaw, math.tau)
 
 
+def turn_level(x: float, y: float, angle: float) -> tuple[float, float]:
+    """Return a level vector, turned counter-clockwise from above by an angle [rad]."""
+    cos, sin = math.cos(angle), math.sin(angle)
+    return cos * x - sin * y, sin * x + cos * y
+
+
 def skew(v: Vec3) -> Mat:
     """Return the (3, 3) matrix with ``skew(a) @ b == cross(a, b)``."""
     return np.array([[0.0, -v[2], v[1]], [v[2], 0.0, -v[0]], [-v[1], v[0], 0.0]])

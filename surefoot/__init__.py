@@ -48,6 +48,7 @@ _HOMES = {
     "schemas.settings": ("ControllerSettings",),
     "sim_robot.catalogue": ("list_scenarios", "load_scenario"),
     "sim_robot.errors": ("ScenarioError",),
+    "stabilizer.factory": ("list_controllers",),
     "stabilizer.controller": ("Controller", "ControllerError", "ControllerOutput"),
     "errors": (
         *("SurefootError", "UsageError", "EnvironmentFailedError"),
@@ -55,9 +56,7 @@ _HOMES = {
         *("UnknownSignalError",),
     ),
     "stabilizer.margins.margins": ("AxisMargin", "LoopMargins"),
-    "controllers": (
-        *("make_controller", "list_controllers", "compute_margins", "drive"),
-    ),
+    "controllers": ("make_controller", "compute_margins", "drive"),
     "signals": ("Signals", "read_signals"),
     "simulation": ("Simulation",),
     "runs": ("Run", "simulate", "run", "load_run"),
@@ -93,7 +92,6 @@ if TYPE_CHECKING:
     from surefoot import bench as bench
     from surefoot.controllers import compute_margins as compute_margins
     from surefoot.controllers import drive as drive
-    from surefoot.controllers import list_controllers as list_controllers
     from surefoot.controllers import make_controller as make_controller
     from surefoot.errors import ChildFailedError as ChildFailedError
     from surefoot.errors import EnvironmentFailedError as EnvironmentFailedError
@@ -153,6 +151,7 @@ if TYPE_CHECKING:
     from surefoot.stabilizer.controller import (
         ControllerOutput as ControllerOutput,
     )
+    from surefoot.stabilizer.factory import list_controllers as list_controllers
     from surefoot.stabilizer.margins.margins import AxisMargin as AxisMargin
     from surefoot.stabilizer.margins.margins import LoopMargins as LoopMargins
     from surefoot.studies.study import Study as Study

@@ -56,11 +56,6 @@ def make_controller(
     return factory.make_controller(name, model, resolve_settings(settings, reader=name))
 
 
-def list_controllers() -> list[str]:
-    """Return the names of all controllers: shipped ones and installed entry points."""
-    return factory.controller_names()
-
-
 def drive(
     adapter: VendorAdapter,
     robot: str | Path | Robot,

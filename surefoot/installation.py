@@ -17,6 +17,7 @@ from importlib.metadata import (
     distribution,
     version,
 )
+from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 from urllib.parse import unquote, urlparse
@@ -49,6 +50,21 @@ def install_command(extra: str = "") -> str:
         return _pip(_with(source, extra))
     needed = [] if package is None else _needed(package, extra)
     return _pip(*needed) if needed else _pip(_with(_NAME, extra))
+
+
+def lacking(what: str, *packages: str, extra: str) -> str:
+    """Return that something needs packages that are missing; empty if none is.
+
+    Args:
+        what: needs them, in words.
+        packages: their names for imports.
+        extra: the optional part that brings them.
+    """
+    missing = [name for name in packages if find_spec(name) is None]
+    if not missing:
+        return ""
+    names = " and ".join(missing)
+    return f"{what} needs {names}, not installed here; {install_command(extra)}"
 
 
 def installed_version(package: str) -> str | None:

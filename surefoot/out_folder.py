@@ -5,6 +5,7 @@ Every command that writes files uses it.
 
 from __future__ import annotations
 
+import fcntl
 import logging
 import os
 import shutil
@@ -19,12 +20,6 @@ import msgspec
 
 from surefoot.errors import EnvironmentFailedError, UsageError
 from surefoot.schemas.toml_file import atomic_file
-
-try:
-    import fcntl
-except ImportError:  # no POSIX: nothing keeps two runs out of one folder
-    fcntl = None  # type: ignore[assignment]
-
 
 _LOG = logging.getLogger(__name__)
 _LONGEST_LINE = 4096
@@ -194,10 +189,7 @@ class FolderLock:
         Raises:
             UsageError: another command holds the lock.
         """
-        self._lock: int | None = None
-        if fcntl is None:
-            return
-        self._lock = os.open(folder, os.O_RDONLY)
+        self._lock: int | None = os.open(folder, os.O_RDONLY)
         try:
             fcntl.flock(self._lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except BlockingIOError as error:

@@ -146,11 +146,6 @@ class Simulation:
         return self.plan.robot
 
     @property
-    def scenario(self) -> Scenario:
-        """The scenario that is run."""
-        return self.plan.scenario
-
-    @property
     def tick(self) -> int:
         """The present tick."""
         return self.simulated.tick

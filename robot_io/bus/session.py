@@ -140,8 +140,7 @@ def open_session(
             raise
         raise EndpointError(
             f"Zenoh cannot start: {error}; leave {RUNTIME_VARIABLE} unset, or write it "
-            f"as in {RUNTIME.format(1)}",
-            locators=[],
+            f"as in {RUNTIME.format(1)}"
         ) from error
     try:
         yield session
@@ -374,10 +373,7 @@ def _open_error(
             "no network interface of this machine has this address; listen on one of "
             "its own, or on 0.0.0.0 for all of them"
         )
-    return EndpointError(
-        f"cannot listen on {', '.join(endpoints.listen)}: {why}",
-        locators=endpoints.listen,
-    )
+    return EndpointError(f"cannot listen on {', '.join(endpoints.listen)}: {why}")
 
 
 def unreachable(

@@ -31,7 +31,6 @@ from surefoot.schemas.codec import encode
 from surefoot.schemas.endpoints import Endpoints
 from surefoot.schemas.messages import (
     SCHEMA_VERSION,
-    EstopRequest,
     JointCommand,
     ModeRequest,
     Reference,
@@ -215,15 +214,6 @@ class RobotClient:
             schema=SCHEMA_VERSION, action=action, commander=self.identity
         )
         return self._services.ask(self._robot.keys["mode"], request)
-
-    def stop_robot(self) -> ServiceReply:
-        """Press the e-stop; this needs no lease.
-
-        Raises:
-            RobotUnreachableError: no answer.
-        """
-        request = EstopRequest(schema=SCHEMA_VERSION, source=self.identity)
-        return self._services.ask(self._robot.keys["estop"], request)
 
     def wait_snapshot(self, *, timeout_s: float) -> SnapshotReading | None:
         """Wait for the next snapshot: in lockstep the next tick, otherwise the newest.

@@ -221,9 +221,7 @@ class RobotWatch:
             f"{len(names)} robots {namespace!r} are on the bus (instances "
             f"{' and '.join(name or 'unknown' for name in names)}), and which one is "
             "meant cannot be told; stop one, or give it a `namespace` of its own in "
-            "its robot file",
-            namespace=namespace,
-            instances=names,
+            "its robot file"
         )
 
     def _on_token(

@@ -263,10 +263,10 @@ class CommandGate:
         settings = self._settings
         if clipped and settings.beyond_limits == "refuse" and not settings.warn_only:
             refusal = self.refuse(Refusal.LIMIT, self._excess(clipped))
-            return CommandResult(command.tick, self._posture, refusal, clipped)
+            return CommandResult(command.tick, self._posture, refusal)
         self._follow(clipped, now_s)
         self.delay.follow(command.tick)
-        return CommandResult(command.tick, self._posture, None, clipped)
+        return CommandResult(command.tick, self._posture)
 
     def refuse(self, refusal: Refusal, detail: str) -> Refusal:
         """Count and report a refusal, also of a command that could not be read."""

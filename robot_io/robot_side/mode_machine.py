@@ -53,13 +53,11 @@ class CommandResult(NamedTuple):
         posture: (n_a,) posture that the servos are to follow now, read-only [rad]: the
             command, clipped or unchanged; the posture before it when refused.
         refusal: reason of the refusal; None when the command is accepted.
-        clipped: limits that the command exceeded.
     """
 
     answers: int
     posture: Array
     refusal: Refusal | None = None
-    clipped: tuple[Limit, ...] = ()
 
     @property
     def accepted(self) -> bool:

@@ -185,11 +185,10 @@ class RobotServer(RobotsSide):
         self._truth_is_missed = False
         self.deadline_misses = 0
 
-    def wait_until_active(self, *, now_s: float, timeout_s: float | None) -> bool:
-        """Serve requests until a commander has enabled the robot.
+    def wait_until_active(self, *, timeout_s: float | None) -> bool:
+        """Serve requests until a commander has enabled the robot, whose time is 0.
 
         Args:
-            now_s: the robot's time, which stands still meanwhile [s].
             timeout_s: longest wait; None: no limit [s].
 
         Returns:
@@ -197,8 +196,8 @@ class RobotServer(RobotsSide):
         """
         end = None if timeout_s is None else time.monotonic() + timeout_s
         while not self._stop.is_set:
-            self._services.serve(now_s=now_s)
-            self.publish_status(now_s=now_s)
+            self._services.serve(now_s=0.0)
+            self.publish_status(now_s=0.0)
             if self._gate.mode is RobotMode.ACTIVE:
                 return True
             if end is not None and time.monotonic() >= end:

@@ -190,9 +190,7 @@ def _refuse_beside(others: Instances, robot: Robot, identity: RobotIdentity) -> 
         f"a robot {namespace!r} is on this bus already (instance {names or 'unknown'}; "
         f"this one would be {identity.instance}), and both would obey the same "
         "commands; stop that one, or give this one a `namespace` of its own in its "
-        "robot file",
-        namespace=namespace,
-        instances=[*others, identity.instance],
+        "robot file"
     )
 
 

@@ -48,18 +48,17 @@ def check_locators(locators: list[str], *, verb: str) -> None:
         LocatorError: a locator is malformed, or there is none.
     """
     if not locators:
-        _refuse("nowhere", "no locator is given", verb=verb, locators=locators)
+        _refuse("nowhere", "no locator is given", verb=verb)
     for locator in locators:
         why = _fault(locator, is_dialed=verb == "dial")
         if why:
-            _refuse(locator, why, verb=verb, locators=locators)
+            _refuse(locator, why, verb=verb)
 
 
-def _refuse(locator: str, why: str, *, verb: str, locators: list[str]) -> None:
+def _refuse(locator: str, why: str, *, verb: str) -> None:
     raise LocatorError(
         f"cannot {verb} {locator}: {why}; expected protocol/address with one of "
-        f"{', '.join(PROTOCOLS)}, such as {DEFAULT_LOCATOR}",
-        locators=locators,
+        f"{', '.join(PROTOCOLS)}, such as {DEFAULT_LOCATOR}"
     )
 
 
@@ -129,14 +128,13 @@ def check_socket_files(locators: list[str]) -> None:
     for locator in locators:
         if protocol_of(locator) == SOCKET_FILE:
             path = Path(_OPTIONS.sub("", locator.split("/", 1)[1]))
-            _check_socket_file(path, locator, locators)
+            _check_socket_file(path, locator)
 
 
-def _check_socket_file(path: Path, locator: str, locators: list[str]) -> None:
+def _check_socket_file(path: Path, locator: str) -> None:
     def refused(what: str) -> LocatorError:
         return LocatorError(
-            f"cannot listen on {locator}: {what}; name a path that is free",
-            locators=locators,
+            f"cannot listen on {locator}: {what}; name a path that is free"
         )
 
     if not path.parent.is_dir():
@@ -157,8 +155,7 @@ def _check_socket_file(path: Path, locator: str, locators: list[str]) -> None:
     if _is_alive(path):
         raise EndpointError(
             f"cannot listen on {locator}: another process listens there; stop it, or "
-            "name another path",
-            locators=locators,
+            "name another path"
         )
 
 
@@ -185,15 +182,13 @@ def check_encryption(endpoints: Endpoints, locators: list[str]) -> None:
         if is_secured and endpoints.tls is None:
             raise LocatorError(
                 f"{locator} needs certificates; give an endpoint file with a [tls] "
-                "table (--endpoints FILE; surefoot certs makes certificates)",
-                locators=locators,
+                "table (--endpoints FILE; surefoot certs makes certificates)"
             )
         if not is_secured and endpoints.tls is not None:
             raise LocatorError(
                 f"{locator} is not encrypted although there is a [tls] table; write "
                 f"{' or '.join(f'{name}/' for name in SECURED)} before the address, "
-                "or leave the table out",
-                locators=locators,
+                "or leave the table out"
             )
 
 
@@ -211,8 +206,7 @@ def check_exposure(endpoints: Endpoints) -> None:
                 f"{locator} would let anyone on that network command the robot; "
                 "listen on tls/ with certificates (surefoot certs), or say "
                 "--insecure (insecure = true in the endpoint file) on a network "
-                "that nobody else is on",
-                locators=endpoints.listen,
+                "that nobody else is on"
             )
 
 

@@ -21,7 +21,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from surefoot.schemas.arrays import Array
-from surefoot.stabilizer.dynamics import NORMAL, SOLE_ROWS
+from surefoot.stabilizer.dynamics import NORMAL, SOLE_ROWS, part_between
 
 CUTOFF_HZ = 40.0
 """Cutoff of the low-pass on the wrenches, before their rate is taken."""
@@ -135,12 +135,12 @@ class SoftGround:
             edges = (m_x / width, m_y / length), (w_x * width, w_y * length)
             turns = self._regress(self._turns[side], *edges)
             explained = turns * self._turns[side][1] / self._turns[side][2]
-            trust = _between(explained, *EXPLAINED)
+            trust = part_between(explained, *EXPLAINED)
             self.compliance[side] = found = min(trust * turns, SOFTEST_M_N)
             sinks = self._regress(self._sinks[side], (f_z, 0.0), (v_z, 0.0))
             self.sinking[side] = min(sinks, found)
         compliance, sinking = self.compliance[side], self.sinking[side]
-        soft = _between(compliance, FIRM_M_N, SOFT_M_N)
+        soft = part_between(compliance, FIRM_M_N, SOFT_M_N)
         f_z, m_x, m_y = self._rate[start + NORMAL : start + 5].tolist()
         self.given[start + NORMAL] = soft * sinking * f_z
         self.given[start + 3] = soft * compliance * m_x / width**2
@@ -157,8 +157,3 @@ class SoftGround:
         sums[1] = self._keep * sums[1] - counts * (f_x * v_x + f_y * v_y)
         sums[2] = self._keep * sums[2] + counts * (v_x**2 + v_y**2 + STILL_M_S**2)
         return max(sums[1], 0.0) / sums[0]
-
-
-def _between(value: float, low: float, high: float) -> float:
-    """Return 0 up to ``low``, 1 from ``high`` on, in proportion between."""
-    return min(max((value - low) / (high - low), 0.0), 1.0)

@@ -222,7 +222,7 @@ class Estimator:
     def doubt(self) -> str:
         """Why the readings at rest cannot all be right; empty if they can.
 
-        On ground that turns, or under a push, which looks the same, nothing is said.
+        Nothing is said on ground that turns. A push looks like such ground.
         """
         off = math.hypot(*self._accel_bias.seen)
         if off <= DOUBT_M_S2 or self._attitude.ground_turns:

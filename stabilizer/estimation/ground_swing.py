@@ -7,6 +7,7 @@ import math
 import numpy as np
 
 from surefoot.schemas.arrays import Mat
+from surefoot.stabilizer.dynamics import part_between
 
 PACE_CUTOFF = 0.4
 """High-pass on the ground's motion from which the pace is read, in parts of the pace: a
@@ -160,9 +161,9 @@ class GroundSwing:
         self.height += dt * (self._speed + self._height_gain * rest)
         wanted = (
             moves
-            * _part(self._cycles, FROM_CYCLES, FROM_CYCLES + CYCLES)
-            * _part(self._pace.purity, PURE_FROM, PURE)
-            * _part(pace, SLOWEST, SLOW)
+            * part_between(self._cycles, FROM_CYCLES, FROM_CYCLES + CYCLES)
+            * part_between(self._pace.purity, PURE_FROM, PURE)
+            * part_between(pace, SLOWEST, SLOW)
         )
         self.share += dt / LAG_S * (wanted - self.share)
         return error + self.share * self.height
@@ -200,8 +201,3 @@ class GroundSwing:
 def _damping(pace: float) -> float:
     """Return 2 / T for a swing of this pace [1/s]."""
     return pace / (math.pi * COHERENT_CYCLES)
-
-
-def _part(value: float, begins: float, ends: float) -> float:
-    """Return 0 up to ``begins``, 1 from ``ends`` on, in proportion between."""
-    return min(max((value - begins) / (ends - begins), 0.0), 1.0)

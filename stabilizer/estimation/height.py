@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 
 from surefoot.schemas.settings import EstimatorSettings
+from surefoot.stabilizer.dynamics import part_between
 from surefoot.stabilizer.estimation.felt_motion import UsualDifference
 from surefoot.stabilizer.estimation.ground_swing import GroundSwing
 
@@ -294,7 +295,7 @@ class HeightFilter:
     def _riding(self) -> float:
         """Return the part of the ground's motion that the robot follows [1]."""
         parts = self._taken / self._whole_stroke
-        wanted = min(max((parts - RIDES_FROM) / (RIDES - RIDES_FROM), 0.0), 1.0)
+        wanted = part_between(parts, RIDES_FROM, RIDES)
         self._ride += self._dt / RIDE_LAG_S * (wanted - self._ride)
         return self._ride
 

@@ -174,7 +174,6 @@ class NominalPosture:
         lower: (n_a,) lower ends of usable ranges, with knees not straight [rad].
         upper: (n_a,) upper ends [rad].
         legs: left and right leg.
-        knees: names of the knee joints.
         com_travel_m: range of the CoM: sink (negative) and rise.
         asked_m: requested sink and rise, both positive.
         one_foot_share: part of its torque that a knee needs to carry the robot alone.
@@ -184,7 +183,6 @@ class NominalPosture:
     lower: Array
     upper: Array
     legs: tuple[Leg, Leg]
-    knees: tuple[str, str]
     com_travel_m: tuple[float, float]
     asked_m: tuple[float, float]
     one_foot_share: float
@@ -316,7 +314,6 @@ def find_nominal(
         lower=lower,
         upper=upper,
         legs=(left, right),
-        knees=(str(model.names[left.knee]), str(model.names[right.knee])),
         com_travel_m=travel,
         asked_m=(asked_sink, asked_rise),
         one_foot_share=float(needed.max()),

@@ -17,7 +17,7 @@ from surefoot.schemas.robot_file import Side
 from surefoot.schemas.settings import WalkSettings
 from surefoot.schemas.walk_plan import Step, Walk, WalkPlan
 from surefoot.stabilizer.control.reference import standing
-from surefoot.stabilizer.model import N_BASE_V, RobotModel
+from surefoot.stabilizer.model import N_BASE_V, RobotModel, turn_level
 
 SIDES: tuple[Side, Side] = ("left", "right")
 STAND_AT_END_S = 1.0
@@ -87,10 +87,8 @@ class Foothold(NamedTuple):
 
     def seen_from(self, other: Foothold) -> tuple[float, float, float]:
         """Return x, y [m] and yaw [rad] of this place in the axes of another."""
-        cos, sin = math.cos(other.yaw), math.sin(other.yaw)
-        x, y = self.x - other.x, self.y - other.y
-        turn = math.remainder(self.yaw - other.yaw, math.tau)
-        return cos * x + sin * y, cos * y - sin * x, turn
+        x, y = turn_level(self.x - other.x, self.y - other.y, -other.yaw)
+        return x, y, math.remainder(self.yaw - other.yaw, math.tau)
 
 
 class Pace(NamedTuple):

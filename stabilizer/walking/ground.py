@@ -12,14 +12,20 @@ from surefoot.schemas.arrays import Array, Vec3
 from surefoot.schemas.settings import WalkSettings
 from surefoot.stabilizer.control.force_feedback import ForceFeedback
 from surefoot.stabilizer.control.reference import Stance
-from surefoot.stabilizer.dynamics import SOLE_ROWS, Dynamics, SolesAndCom, cross
+from surefoot.stabilizer.dynamics import (
+    SOLE_ROWS,
+    Dynamics,
+    SolesAndCom,
+    cross,
+    part_between,
+)
 from surefoot.stabilizer.estimation.contact import Anchors
 from surefoot.stabilizer.estimation.observer import ObservedState
 from surefoot.stabilizer.walking.feet import Feet, FootState
 
 _UP = np.array([0.0, 0.0, 1.0])
-EDGE = (0.93, 0.98)
-"""Centre of pressure from which a sole begins to tip, and at which it tips [1]."""
+EDGE = (0.98, 0.93)
+"""Centre of pressure at which a sole tips, and from which it begins to tip [1]."""
 LEAST_FORCE_N = 20.0
 """Normal force below which a centre of pressure is noise."""
 STAIRS_RISE_SHARE = 0.625
@@ -58,11 +64,12 @@ class ExpectedGround:
 
     With both feet planted its normal is the mean of the soles' normals, as far as these
     agree with each other and with the line between the soles. A platform is followed;
-    stones at random angles count as level. From when one foot leaves until it has
-    landed, the ground turns with the other one's sole: as far as both soles have been
-    seen to turn together, and about each axis only while the pressure is off the sole's
-    edge. A sole that tips stands on that edge, or on an edge of a stone anywhere under
-    it.
+    stones at random angles count as level.
+
+    From when one foot leaves until it has landed, the ground turns with the other sole,
+    as far as both soles have been seen to turn together. About an axis it does so only
+    while the pressure is off the sole's edge. A sole that tips stands on that edge, or
+    on an edge of a stone anywhere under it.
 
     Attributes:
         normal: (3,) unit, world.
@@ -194,7 +201,9 @@ class ExpectedGround:
         pressed = max(normal, LEAST_FORCE_N)
         x = min(max(-m_y / pressed, -half_length), half_length)
         y = min(max(m_x / pressed, -half_width), half_width)
-        return x, y, _room(abs(y) / half_width), _room(abs(x) / half_length)
+        roll_room = part_between(abs(y) / half_width, *EDGE)
+        pitch_room = part_between(abs(x) / half_length, *EDGE)
+        return x, y, roll_room, pitch_room
 
     def carry(self, dynamics: Dynamics, law: ForceFeedback) -> None:
         """Make a landing foot move with its ground.
@@ -243,8 +252,7 @@ class ExpectedGround:
         self._turned_together += self._forget * (together - self._turned_together)
         self._turned += self._forget * (each - self._turned)
         alike = self._turned_together / (self._turned + self._least_turn)
-        none, whole = TOGETHER
-        self.turns = min(max((alike - none) / (whole - none), 0.0), 1.0)
+        self.turns = part_between(alike, *TOGETHER)
 
     def _agree(self, soles: SolesAndCom, *, support: int) -> None:
         """Update the plane from both pressed soles, as far as they agree.
@@ -413,13 +421,3 @@ class HeightReference:
         acceleration += self._dt * jerk
         velocity += self._dt * acceleration
         self._planned[:] = place + self._dt * velocity, velocity, acceleration
-
-
-def _room(outward: float) -> float:
-    """Return 1 while the pressure is off the sole's edge, 0 at the edge [1].
-
-    Args:
-        outward: centre of pressure from the sole's middle (0) to its edge (1).
-    """
-    begins, ends = EDGE
-    return min(max((ends - outward) / (ends - begins), 0.0), 1.0)

@@ -26,6 +26,7 @@ import numpy as np
 
 from surefoot.schemas.arrays import Array
 from surefoot.schemas.settings import WalkSettings
+from surefoot.stabilizer.model import turn_level
 from surefoot.stabilizer.qp import DenseQp, QpSolution
 from surefoot.stabilizer.walking.dcm import Point
 from surefoot.stabilizer.walking.footsteps import FOOT_SHARE, Foothold, LegSpeed
@@ -145,7 +146,7 @@ class StepAdjustment:
         blend = min(1.0, self._dt / settings.adjust_filter_s)
         x, y = old_x + blend * (error[0] - old_x), old_y + blend * (error[1] - old_y)
         self._error = (x, y)
-        ahead, left = _turned((x, y), support)
+        ahead, left = turn_level(x, y, -support.yaw)
         dead_ahead, dead_left = settings.adjust_dead_m
         beyond = (_dead(ahead, dead_ahead), _dead(left, dead_left))
         is_due = (
@@ -186,8 +187,8 @@ class StepAdjustment:
         g = -math.expm1(-spread) / spread
         weight = (settings.adjust_offset_weight / d) ** 2
         (p_x, p_y), (xi_x, xi_y) = gait.zmp, gait.dcm
-        place = _turned(self.shift, support)
-        reference = _turned((xi_x - p_x, xi_y - p_y), support)
+        place = turn_level(*self.shift, -support.yaw)
+        reference = turn_level(xi_x - p_x, xi_y - p_y, -support.yaw)
         qp.P.fill(0.0)
         qp.P[range(3), range(3)] = self._weights
         qp.q_lin.fill(0.0)
@@ -242,7 +243,7 @@ class StepAdjustment:
     def _take(self, solution: QpSolution, gait: Gait, support: Foothold) -> None:
         if solution.ok:
             ahead, left, growth = solution.x.tolist()
-            self._goal = _turned((ahead, left), support, back=True)
+            self._goal = turn_level(ahead, left, support.yaw)
             left_s = self._plan_left_s(gait) + math.log(growth) / gait.omega
             if left_s != gait.left_s:
                 gait.duration_s = gait.t + left_s
@@ -269,9 +270,9 @@ class StepAdjustment:
         self.shift = (self.shift[0] + x, self.shift[1] + y)
         # The following steps keep the shift ahead, and half of that to the side; all of
         # it once the feet have crossed.
-        ahead, left = _turned((x, y), support)
+        ahead, left = turn_level(x, y, -support.yaw)
         kept = 1.0 if self._is_across else 0.5
-        return _turned((ahead, kept * left), support, back=True)
+        return turn_level(ahead, kept * left, support.yaw)
 
     def _led_around(
         self, goal: Point, move: Move, support: Foothold, foot: tuple[Point, Point]
@@ -284,7 +285,7 @@ class StepAdjustment:
         passes = self._settings.cross_ahead_m
         (ahead, left), (path_ahead, path_left) = (_seen(p, support) for p in foot)
         apart = own * left
-        to_ahead, to_left = _turned(goal, support)
+        to_ahead, to_left = turn_level(*goal, -support.yaw)
         end = own * (move.place.seen_from(support)[1] + to_left)
         at, beside = path_ahead + to_ahead, own * (path_left + to_left)
         if apart < nearest - NEARLY_M:
@@ -296,20 +297,12 @@ class StepAdjustment:
             at = max(at, passes)
             beside = end if ahead > passes - NEARLY_M else max(beside, nearest)
         shift = (at - path_ahead, own * beside - path_left)
-        return _turned(shift, support, back=True)
-
-
-def _turned(v: Point, foot: Foothold, *, back: bool = False) -> Point:
-    """Turn a vector into the axes of a foothold, or back into the odometry's."""
-    cos, sin = math.cos(foot.yaw), math.sin(foot.yaw)
-    if back:
-        sin = -sin
-    return cos * v[0] + sin * v[1], cos * v[1] - sin * v[0]
+        return turn_level(*shift, support.yaw)
 
 
 def _seen(point: Point, foot: Foothold) -> Point:
     """Return a point in the axes of a foothold, from its middle [m]."""
-    return _turned((point[0] - foot.x, point[1] - foot.y), foot)
+    return turn_level(point[0] - foot.x, point[1] - foot.y, -foot.yaw)
 
 
 def _dead(value: float, band: float) -> float:

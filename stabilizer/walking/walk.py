@@ -46,6 +46,8 @@ from surefoot.stabilizer.walking.swing_foot import SwingFoot
 
 ROLL_ON = 0.5
 """Part of single support after which a force on the swing foot may be a touchdown."""
+SENSOR_LOST = "an ankle sensor is lost"
+"""Why steps are refused without force sensors."""
 
 
 class Walk:
@@ -175,24 +177,23 @@ class Walk:
                 told.refusal = "the estimator knows no steps: it has no anchors"
                 return
             if any(self._blind):
-                told.refusal = "an ankle sensor is lost"
+                told.refusal = SENSOR_LOST
                 return
             feet = self._footholds()
             told.refusal = self.queue.take(plan, feet, walks=self.is_walking)
             told.planned = self.queue.planned
 
-    def end_early(self, why: str, *, blind: tuple[bool, bool]) -> None:
-        """Take no further steps; the present one is completed.
+    def end_early(self, *, blind: tuple[bool, bool]) -> None:
+        """Take no further steps without ankle sensors; the present one is completed.
 
         Args:
-            why: reason in words.
             blind: whether left and right foot feel nothing. Such a foot, in the air,
                 counts as touched down when it is due.
         """
         self._blind = blind
         if any(blind):
             self.queue.drop()
-            self._told.refusal, self._told.planned = why, self.queue.planned
+            self._told.refusal, self._told.planned = SENSOR_LOST, self.queue.planned
 
     def expect_age(self, forces_s: float) -> None:
         """Allow for late force readings.

@@ -178,7 +178,7 @@ class WholeBodyController(BalanceController):
     def degrade(self, lost: tuple[bool, bool]) -> None:
         """Go on without ankle sensors; see :meth:`Observer.leave_out`."""
         self.observer.leave_out(lost, instead=self.tsid.F_id)
-        self.walk.end_early("an ankle sensor is lost", blind=lost)
+        self.walk.end_early(blind=lost)
 
     def undo_overload(
         self, q_command: Array, *, ticks: int, sides: tuple[bool, bool]

@@ -16,6 +16,7 @@ from surefoot.schemas.law_settings import SwaySettings
 from surefoot.schemas.settings import WalkSettings
 from surefoot.stabilizer.control.reference import Stance
 from surefoot.stabilizer.dynamics import SolesAndCom
+from surefoot.stabilizer.model import turn_level
 from surefoot.stabilizer.walking.footsteps import mean_yaw
 from surefoot.stabilizer.walking.ground import ExpectedGround
 
@@ -92,12 +93,11 @@ class Sway:
             self._v[axis] = v = v + dt * a
             self._p[axis] = p = p + dt * v
             there.append(_within(p, v, a, reach=reach))
-        c, s = math.cos(yaw), math.sin(yaw)
         ahead, left = there
         for out, x, y in zip(
             (self._offset, self._rate, self._acceleration), ahead, left, strict=True
         ):
-            out[:2] = c * x - s * y, s * x + c * y
+            out[:2] = turn_level(x, y, yaw)
 
     def move(self, stance: Stance, way: float) -> None:
         """Add the present offset to the reference, or take it off again.
@@ -113,13 +113,12 @@ class Sway:
     def _tilt(self, yaw: float) -> tuple[float, float]:
         """How far the ground's normal leans ahead and to the left of the feet [1]."""
         x, y, _ = self._ground.normal.tolist()
-        c, s = math.cos(yaw), math.sin(yaw)
-        return c * x + s * y, c * y - s * x
+        return turn_level(x, y, -yaw)
 
     def _reach(self, stance: Stance, yaw: float) -> tuple[float, float]:
         """How far the centre of mass may go ahead and to the left [m]."""
         x, y, _ = (stance.p_sole[0] - stance.p_sole[1]).tolist()
-        apart = abs(math.cos(yaw) * y - math.sin(yaw) * x)
+        apart = abs(turn_level(x, y, -yaw)[1])
         return REACH * self._half_length, REACH * (self._half_width + 0.5 * apart)
 
 

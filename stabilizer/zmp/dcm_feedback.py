@@ -9,7 +9,7 @@ import numpy as np
 from surefoot.schemas.arrays import Mat, Vec3
 from surefoot.schemas.law_settings import ZmpSettings
 from surefoot.stabilizer.control.reference import Stance
-from surefoot.stabilizer.model import GRAVITY
+from surefoot.stabilizer.model import GRAVITY, turn_level
 from surefoot.stabilizer.walking.dcm import Point
 
 ORIGINAL_PERIOD_S = 0.005
@@ -118,9 +118,7 @@ class DcmBiasEstimator:
 
 def _turned(vector: Vec3, angle: float) -> Vec3:
     """Return a horizontal vector, turned about the vertical."""
-    cos, sin = math.cos(angle), math.sin(angle)
-    x, y, _ = vector
-    return np.array([cos * x - sin * y, sin * x + cos * y, 0.0])
+    return np.array([*turn_level(vector[0], vector[1], angle), 0.0])
 
 
 NOTHING = np.zeros(3)

@@ -8,11 +8,11 @@ import math
 from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from importlib.util import find_spec
 from pathlib import Path
 from typing import Any, ClassVar, Generic, NamedTuple, Protocol, TypeVar
 
 from surefoot.bench.bench_runs import Subject, Under
+from surefoot.installation import lacking
 from surefoot.out_folder import write_json, write_whole
 from surefoot.presentation import markdown
 from surefoot.studies.paper_page import inline_svg, render
@@ -159,21 +159,15 @@ class Findings(ABC, Generic[R]):
             if old.read_bytes().startswith(_FIRST.encode()):
                 old.unlink()
         self._write_yaml(eurobench)
-        if can_draw():
+        if words := lacking("drawing", "jinja2", "matplotlib", extra="report"):
+            _LOG.warning("no page: %s", words)
+        else:
             self._write_page(folder)
 
 
 _LOG = logging.getLogger("surefoot")
 
 TEMPLATE = Path(__file__).parent / "bench.html.j2"
-
-
-def can_draw() -> bool:
-    """Return whether the packages for a page are installed; log it if they are not."""
-    missing = [name for name in ("jinja2", "matplotlib") if find_spec(name) is None]
-    if missing:
-        _LOG.warning("no page: %s is missing; the extra `report`", missing[0])
-    return not missing
 
 
 class Figure(NamedTuple):

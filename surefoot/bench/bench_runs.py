@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import math
 import re
 import tempfile
@@ -18,6 +17,7 @@ from surefoot.presentation import CountBar
 from surefoot.run_plan import RunPlan
 from surefoot.schemas.scenario import Scenario
 from surefoot.schemas.scenario_robot import Sensors
+from surefoot.schemas.toml_file import override_texts
 from surefoot.schemas.validation import nearest
 from surefoot.simulation import Simulation
 from surefoot.studies.cell import Row, figures_of, find_variant, is_up, plan_in
@@ -39,8 +39,9 @@ def known_names(
         what: what they name, in one word.
 
     Raises:
-        UsageError: a name is not valid; the message lists all.
+        UsageError: a name is not valid, or is named twice.
     """
+    check_each_once(names, what=what)
     known = {str(name): name for name in valid}
     for name in names:
         if name not in known:
@@ -48,9 +49,18 @@ def known_names(
                 f"{what}: got {name!r}{nearest(name, valid)}; expected one of "
                 f"{', '.join(valid)}"
             )
-        if list(names).count(name) > 1:
-            raise UsageError(f"{what}: {name} is named twice")
     return [known[name] for name in names]
+
+
+def check_each_once(values: Sequence[object], *, what: str) -> None:
+    """Refuse repeated values: their runs would count twice.
+
+    Raises:
+        UsageError: a value is repeated.
+    """
+    twice = next((value for value in values if values.count(value) > 1), None)
+    if twice is not None:
+        raise UsageError(f"{what}: {twice} is named twice; name it once")
 
 
 def check_positive(values: Sequence[float], *, what: str) -> None:
@@ -304,7 +314,7 @@ def bench_runs(
         UsageError: the folder holds other files; or robot or controller changed
             between two calls.
     """
-    overrides = tuple(f"{k}={json.dumps(v)}" for k, v in (settings or {}).items())
+    overrides = tuple(override_texts(settings or {}))
     about = {
         "study": name,
         "robot": robot,

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.lib.format import write_array
 
 from surefoot.errors import EnvironmentFailedError, UsageError
-from surefoot.installation import install_command
+from surefoot.installation import lacking
 from surefoot.out_folder import is_to_replace, new_file, undone_on_error
 from surefoot.recording.read import Record, with_nan
 from surefoot.schemas.arrays import Array
@@ -193,14 +193,10 @@ def _fields(column: Array) -> list[Any]:
 
 
 def _pyarrow() -> Any:
-    try:
-        import pyarrow
-        import pyarrow.parquet
-    except ImportError as error:
-        raise EnvironmentFailedError(
-            "parquet needs pyarrow, which is not installed: "
-            f"{install_command('parquet')}; csv and npz need nothing"
-        ) from error
+    if words := lacking("parquet", "pyarrow", extra="parquet"):
+        raise EnvironmentFailedError(f"{words}; csv and npz need nothing")
+    import pyarrow.parquet
+
     return pyarrow
 
 

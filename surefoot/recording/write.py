@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import errno
+import fcntl
 import json
 import os
 import shutil
@@ -28,11 +29,6 @@ from surefoot.schemas.codec import Head, decode_map
 from surefoot.schemas.errors import MessageError
 from surefoot.schemas.json_schema import json_schema
 from surefoot.schemas.topics import topic
-
-try:
-    import fcntl
-except ImportError:  # no POSIX: two writers of one name are not told apart
-    fcntl = None  # type: ignore[assignment]
 
 _NEW_RUN_TICKS = 1000
 """A tick this far behind belongs to a new run of the robot, not to a late message."""
@@ -71,8 +67,7 @@ def claim_file(path: Path, *, overwrite: bool = False) -> BinaryIO:
     partial = path.with_name(path.name + ".partial")
     file = partial.open("ab")
     try:
-        if fcntl is not None:
-            fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
         if file.tell() and not overwrite:
             raise UsageError(
                 f"--out {path}: {partial} was left by a command that was cut off; "

@@ -8,7 +8,6 @@ import sys
 from collections.abc import Iterator
 from contextlib import closing
 from importlib import import_module
-from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -16,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from surefoot.errors import EnvironmentFailedError
-from surefoot.installation import install_command
+from surefoot.installation import lacking
 from surefoot.presentation import CountBar, no_bar
 from surefoot.report.curves import STILL
 from surefoot.report.run_data import RunData
@@ -127,11 +126,8 @@ def check_encoder() -> None:
     Raises:
         EnvironmentFailedError: it cannot; the message says what to install.
     """
-    if find_spec("imageio_ffmpeg") is None:
-        raise EnvironmentFailedError(
-            "--video needs imageio-ffmpeg, which is not installed; "
-            f"{install_command('video')}"
-        )
+    if words := lacking("--video", "imageio_ffmpeg", extra="video"):
+        raise EnvironmentFailedError(words)
 
 
 def draw_video(

@@ -5,7 +5,6 @@ Studies, searches and the paper's evaluation are made of such runs.
 
 from __future__ import annotations
 
-import json
 from collections.abc import Hashable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -17,8 +16,9 @@ from surefoot.errors import UsageError
 from surefoot.run_plan import resolve_settings
 from surefoot.schemas.reasons import Outcome
 from surefoot.schemas.settings import ControllerSettings, setting_names
+from surefoot.schemas.toml_file import override_texts
 from surefoot.schemas.validation import nearest
-from surefoot.stabilizer.factory import controller_names, find_controller
+from surefoot.stabilizer.factory import find_controller, list_controllers
 
 if TYPE_CHECKING:
     from surefoot.run_plan import RunPlan
@@ -147,11 +147,9 @@ class Cell:
         group = self.group
         path = find_scenario(group.scenario)
         varied = dict(group.values)
-        settings = [
-            f"{name}={json.dumps(varied.pop(name))}"
-            for name in list(varied)
-            if name in setting_names()
-        ]
+        settings = {
+            name: varied.pop(name) for name in list(varied) if name in setting_names()
+        }
         return plan_in(
             override_scenario(load_scenario(path), varied),
             path,
@@ -159,7 +157,7 @@ class Cell:
             servo_profile=group.servo_profile,
             seed=self.seed,
             robot=robot,
-            overrides=(*overrides, *settings),
+            overrides=(*overrides, *override_texts(settings)),
         )
 
     def run(self, plan: RunPlan) -> Row:
@@ -258,7 +256,7 @@ def find_variant(name: str) -> Variant:
     """
     if name in VARIANTS:
         return VARIANTS[name]
-    names = [*dict.fromkeys([*VARIANTS, *controller_names()])]
+    names = [*dict.fromkeys([*VARIANTS, *list_controllers()])]
     if name not in names and ":" not in name:
         raise UsageError(
             f"no controller {name!r}{nearest(name, names)}; expected one of "

@@ -18,7 +18,7 @@ from contextlib import contextmanager
 from typing import Any
 
 from surefoot.errors import EnvironmentFailedError, SurefootError, UsageError
-from surefoot.installation import install_command
+from surefoot.installation import lacking
 from surefoot.presentation import CountBar, no_bar
 from surefoot.stabilizer.factory import check_read
 from surefoot.studies.cell import Row, Work
@@ -161,12 +161,10 @@ def check_address(scheduler: str) -> None:
 
 @contextmanager
 def _client(scheduler: str) -> Iterator[Any]:
-    try:
-        from distributed import Client
-    except ImportError as error:
-        raise EnvironmentFailedError(
-            f"--scheduler needs Dask: {install_command('cluster')}"
-        ) from error
+    if words := lacking("--scheduler (Dask)", "distributed", extra="cluster"):
+        raise EnvironmentFailedError(words)
+    from distributed import Client
+
     check_address(scheduler)
     try:
         with ThreadPoolExecutor(1) as beside:  # a notebook's own loop is running here

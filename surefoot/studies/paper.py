@@ -122,12 +122,10 @@ class Evidence:
         """Take all summaries of a study."""
         self.summaries = summaries
 
-    def of(
-        self, scenario: str, variant: str, profile: str = IDEAL, **values: float
-    ) -> GroupSummary | None:
-        """Return a group's summary; None if it was not run."""
+    def of(self, scenario: str, variant: str, **values: float) -> GroupSummary | None:
+        """Return a group's summary with ideal servos; None if it was not run."""
         return self.summaries.get(
-            Group(scenario, tuple(values.items()), variant, profile)
+            Group(scenario, tuple(values.items()), variant, IDEAL)
         )
 
     def where(self, wanted: Callable[[Group], bool]) -> list[GroupSummary]:

@@ -6,7 +6,6 @@ sweep`` and notebooks use it.
 
 from __future__ import annotations
 
-import json
 import logging
 import math
 import tempfile
@@ -21,6 +20,7 @@ from surefoot.errors import UsageError
 from surefoot.presentation import CountBar, no_bar
 from surefoot.schemas.scenario import Scenario
 from surefoot.schemas.settings import build_settings, setting_names
+from surefoot.schemas.toml_file import override_texts
 from surefoot.schemas.validation import nearest
 from surefoot.stabilizer.factory import check_read
 from surefoot.studies.cell import (
@@ -115,7 +115,7 @@ def study(
         servo_profiles=servo_profiles,
         seeds=range(seeds) if isinstance(seeds, int) else list(seeds),
     )
-    overrides = tuple(f"{k}={json.dumps(v)}" for k, v in (settings or {}).items())
+    overrides = tuple(override_texts(settings or {}))
     place = (
         tempfile.TemporaryDirectory(prefix="surefoot-")
         if out is None

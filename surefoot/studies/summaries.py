@@ -6,10 +6,10 @@ import logging
 import math
 from collections.abc import Iterable, Sequence
 from dataclasses import asdict, dataclass
-from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
+from surefoot.installation import lacking
 from surefoot.out_folder import write_json, write_whole
 from surefoot.presentation import canvas, markdown, split_unit, svg_of, write_rows
 from surefoot.schemas.reasons import NONE, given
@@ -355,8 +355,8 @@ def write_summary(folder: Path, summaries: Summaries) -> None:
         for name, value in group.values
         if isinstance(value, (int, float)) and not isinstance(value, bool)
     }
-    if varied and find_spec("matplotlib") is None:
-        _LOG.warning("no success curves: matplotlib is missing; the extra `report`")
+    if varied and (words := lacking("drawing", "matplotlib", extra="report")):
+        _LOG.warning("no success curves: %s", words)
         return
     titles = short_names(scenario for scenario, _ in varied)
     for scenario, name in sorted(varied):

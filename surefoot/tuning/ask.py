@@ -5,7 +5,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any, Literal
@@ -13,11 +12,13 @@ from typing import Any, Literal
 import msgspec
 import optuna
 
+from surefoot.bench.bench_runs import check_each_once
 from surefoot.errors import UsageError
 from surefoot.robot_io.robot import load_robot
 from surefoot.run_plan import Settings, resolve_settings
 from surefoot.schemas.scenario import load_scenario
 from surefoot.schemas.settings import ControllerSettings
+from surefoot.schemas.toml_file import override_texts
 from surefoot.sim_robot.catalogue import find_scenario
 from surefoot.stabilizer.factory import check_read
 from surefoot.studies.cell import Cell, Group, find_variant
@@ -215,8 +216,8 @@ def make_spec(
     places = [_whole(name, find_scenario(name)) for name in scenarios]
     if not places or not seeds:
         raise UsageError("expected at least one scenario and one seed")
-    _each_once(places, "scenario")
-    _each_once(seeds, "--seeds")
+    check_each_once(places, what="scenario")
+    check_each_once(seeds, what="--seeds")
     if not objectives:
         raise UsageError("--objectives: expected at least one, such as com")
     place = _whole(robot, model.path)
@@ -280,18 +281,11 @@ def held_out_cells(
             f"--held-out-seeds {fresh}: the search sees some of them on "
             f"{', '.join(sorted(shared))}; name other seeds or other scenarios"
         )
-    _each_once(names, "--held-out")
-    _each_once(fresh, "--held-out-seeds")
+    check_each_once(names, what="--held-out")
+    check_each_once(fresh, what="--held-out-seeds")
     cells = spec.cells(names or spec.scenarios, fresh)
     tasks_of(cells, robot=spec.robot, overrides=tuple(spec.base))
     return cells
-
-
-def _each_once(values: Sequence[object], what: str) -> None:
-    """Refuse repeated values: their runs would count twice."""
-    twice = next((value for value in values if values.count(value) > 1), None)
-    if twice is not None:
-        raise UsageError(f"{what}: {twice} is named twice; name it once")
 
 
 def _texts(params: Params) -> list[str]:
@@ -343,15 +337,15 @@ def _check_once(parameters: Sequence[Parameter]) -> None:
 
 def _differences(settings: ControllerSettings) -> list[str]:
     """Return the settings that differ from the defaults, as texts."""
-    found = []
     plain = msgspec.to_builtins(ControllerSettings())
-    for section, values in msgspec.to_builtins(settings).items():
-        found += [
-            f"{section}.{name}={json.dumps(value)}"
+    return override_texts(
+        {
+            f"{section}.{name}": value
+            for section, values in msgspec.to_builtins(settings).items()
             for name, value in values.items()
             if value != plain[section][name]
-        ]
-    return found
+        }
+    )
 
 
 def _whole(name: str, path: Path) -> str:

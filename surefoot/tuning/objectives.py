@@ -8,17 +8,15 @@ from dataclasses import dataclass
 from functools import lru_cache
 from typing import NamedTuple
 
-from surefoot.bench.bench_runs import Under
+from surefoot.bench.bench_runs import Under, known_names
 from surefoot.bench.sway_cells import AXES, CYCLE_S, START_S, TILTS, Stimulus, SwayCell
 from surefoot.bench.sway_results import sway_result
-from surefoot.errors import UsageError
 from surefoot.robot_io.robot import load_robot
 from surefoot.run_plan import RunPlan
 from surefoot.schemas.motions import PrtsMotion
 from surefoot.schemas.reasons import Outcome
 from surefoot.schemas.scenario import Scenario
 from surefoot.schemas.settings import ControllerSettings
-from surefoot.schemas.validation import nearest
 from surefoot.signals import memory_sinks
 from surefoot.simulation import Simulation
 from surefoot.studies.cell import Cell, Row
@@ -65,7 +63,7 @@ class TuneCell(Cell):
         if EFFORT in self.extra:
             power = abs(sim.signals["effort"] * sim.signals["dq"]).sum(axis=1)
             row[EFFORT] = float(power.mean())
-        if sway is not None and probe is not None and is_up(row):
+        if sway is not None and probe is not None and succeeded(row):
             row[SCORE] = sway_result(sway, {**row, "seen": probe.figures()}).score
         if SENSITIVITY in self.extra:
             profile = plan.robot.file.servo.profile
@@ -207,17 +205,11 @@ def find_objectives(names: Sequence[str]) -> list[Objective]:
     Raises:
         UsageError: there is no such objective, or one is named twice.
     """
-    for name in names:
-        if name not in OBJECTIVES or names.count(name) > 1:
-            near = "" if name in OBJECTIVES else nearest(name, list(OBJECTIVES))
-            raise UsageError(
-                f"--objectives {','.join(names)}: got {name!r}{near}; expected some of "
-                f"{', '.join(OBJECTIVES)}, each once"
-            )
-    return [OBJECTIVES[name] for name in names]
+    known = known_names(names, list(OBJECTIVES), what="--objectives")
+    return [OBJECTIVES[name] for name in known]
 
 
-def is_up(row: Row) -> bool:
+def succeeded(row: Row) -> bool:
     """Return whether the robot was up at the end, and walked if it had a walk."""
     return Outcome(row["outcome"]).is_up and UNWALKED not in row
 

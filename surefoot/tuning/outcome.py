@@ -13,7 +13,7 @@ from surefoot.run_plan import resolve_settings
 from surefoot.schemas.settings import ControllerSettings
 from surefoot.studies.cell import Row
 from surefoot.tuning.ask import Spec
-from surefoot.tuning.objectives import Objective, is_up, mean_figures
+from surefoot.tuning.objectives import Objective, mean_figures, succeeded
 from surefoot.tuning.parameters import Value, overrides_of
 
 _SEEN = (
@@ -166,7 +166,7 @@ def compare(
     """
 
     def means(rows: list[Row]) -> list[float] | None:
-        standing = [row for row in rows if is_up(row)]
+        standing = [row for row in rows if succeeded(row)]
         return mean_figures(standing, objectives) if standing else None
 
     made = []
@@ -174,7 +174,7 @@ def compare(
         old, new = (
             [r for r in rows if r["scenario"] == case] for rows in (before, after)
         )
-        up = (sum(map(is_up, old)), sum(map(is_up, new)))
+        up = (sum(map(succeeded, old)), sum(map(succeeded, new)))
         made.append(
             Comparison(case, max(len(old), len(new)), up, means(old), means(new))
         )

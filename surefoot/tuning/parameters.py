@@ -15,6 +15,7 @@ from surefoot.errors import UsageError
 from surefoot.presentation import split_unit
 from surefoot.schemas.json_schema import field_docs
 from surefoot.schemas.settings import ControllerSettings, setting_names, setting_of
+from surefoot.schemas.toml_file import override_texts
 from surefoot.schemas.validation import nearest
 
 if TYPE_CHECKING:
@@ -189,7 +190,7 @@ def overrides_of(
             table[name] = value
         else:
             table.setdefault(name, [*setting_of(start, name)])[parameter.axis] = value
-    return [f"{k}={msgspec.json.encode(v).decode()}" for k, v in table.items()]
+    return override_texts(table)
 
 
 def rounded(value: Value) -> Value:

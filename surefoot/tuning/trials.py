@@ -46,8 +46,8 @@ from surefoot.tuning.objectives import (
     BEYOND,
     UNWALKED,
     is_beaten,
-    is_up,
     mean_figures,
+    succeeded,
 )
 
 STUDY = "surefoot-tune"
@@ -381,7 +381,7 @@ def evaluate(
             return rows, f"refused: {error}", REFUSED
         for row in _in_order(tasks, scheduler=scheduler):
             rows.append(row)
-            if not is_up(row):
+            if not succeeded(row):
                 what = row.get(UNWALKED, row["outcome"])
                 why = f"{row['scenario']}, seed {row['seed']}: {what}"
                 return rows, why, (count - len(rows) + 1) / count

@@ -10,7 +10,8 @@ import numpy as np
 
 from surefoot.robot_io.errors import RobotFileError
 from surefoot.robot_io.robot import Robot
-from surefoot.schemas.arrays import Array, Mat
+from surefoot.robot_io.urdf_check import rotation
+from surefoot.schemas.arrays import Array, Mat, Vec3
 
 
 class _Joint(NamedTuple):
@@ -20,7 +21,7 @@ class _Joint(NamedTuple):
         parent: name of the parent link.
         child: name of the child link.
         origin: (4, 4) parent link from joint at zero.
-        axis: (3, 3) cross-product matrix of the axis.
+        axis: (3,) unit direction.
         bus_index: index in bus order; None for a fixed joint.
         slides: whether it is prismatic.
     """
@@ -28,7 +29,7 @@ class _Joint(NamedTuple):
     parent: str
     child: str
     origin: Mat
-    axis: Mat
+    axis: Vec3
     bus_index: int | None
     slides: bool
 
@@ -75,7 +76,11 @@ class RobotShape:
         for joint in self._joints:
             pose = found[joint.parent] @ joint.origin
             if joint.bus_index is not None:
-                pose = pose @ _motion(joint, float(q[joint.bus_index]))
+                moved, R = q[joint.bus_index], pose[:3, :3]
+                if joint.slides:
+                    pose[:3, 3] += R @ joint.axis * moved
+                else:
+                    R[:] = R @ rotation(joint.axis, moved)
             found[joint.child] = pose
         return found
 
@@ -103,17 +108,6 @@ def _check_meshes(urdf_path: Path) -> None:
                 )
 
 
-def _motion(joint: _Joint, position: float) -> Mat:
-    """Return a joint's (4, 4) displacement from zero, by Rodrigues' formula."""
-    K = joint.axis
-    motion = np.eye(4)
-    if joint.slides:
-        motion[:3, 3] = position * np.array([K[2, 1], K[0, 2], K[1, 0]])
-    else:
-        motion[:3, :3] += np.sin(position) * K + (1.0 - np.cos(position)) * (K @ K)
-    return motion
-
-
 def _sorted_joints(urdf: Any, robot: Robot) -> list[_Joint]:
     """Sort joints so that parents come before children."""
     index = {name: i for i, name in enumerate(robot.joint_names)}
@@ -124,13 +118,12 @@ def _sorted_joints(urdf: Any, robot: Robot) -> list[_Joint]:
     while links:
         for joint in children.get(links.pop(), []):
             links.append(joint.child)
-            x, y, z = (1.0, 0.0, 0.0) if joint.axis is None else joint.axis
             joints.append(
                 _Joint(
                     parent=joint.parent,
                     child=joint.child,
                     origin=np.eye(4) if joint.origin is None else joint.origin,
-                    axis=np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]]),
+                    axis=np.eye(3)[0] if joint.axis is None else joint.axis,
                     bus_index=index.get(joint.name),
                     slides=joint.type == "prismatic",
                 )

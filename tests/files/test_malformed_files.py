@@ -136,7 +136,7 @@ def test_endpoint_files(count: int, tmp_path: Path) -> None:
             try:
                 session._check(endpoints, role)
             except LocatorError as error:  # which names locators, wherever from
-                raise LocatorError(f"{path}: {error}", locators=[]) from error
+                raise LocatorError(f"{path}: {error}") from error
             config = session_config(endpoints, role, namespace="a", timeout_s=1.0)
             zenoh.Config.from_json5(session.json.dumps(config))
 

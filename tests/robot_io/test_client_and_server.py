@@ -79,7 +79,7 @@ def test_the_answer_to_a_tick_ends_the_wait_for_it(
         RobotServer(WALKER, gate, endpoints=endpoints, stop=StopRequest()) as server,
         ThreadedClient(make_client) as client,
     ):
-        assert server.wait_until_active(now_s=0.0, timeout_s=PATIENCE_S)
+        assert server.wait_until_active(timeout_s=PATIENCE_S)
         for tick in range(100):
             gate.begin_tick(now_s=tick * 1e-3)
             server.publish_sensors(snapshot_at(tick), stamp_ns=0)
@@ -202,10 +202,11 @@ def test_a_walk_is_forgotten_with_the_stabilizer_that_told_of_it(
 
 
 def test_an_e_stop_comes_from_anyone_and_latches(
-    served: ServedRobot, commander: RobotClient, make_client: MakeClient
+    endpoints: Endpoints, served: ServedRobot, commander: RobotClient
 ) -> None:
-    bystander = make_client("eve")
-    assert bystander.stop_robot().mode is RobotMode.FAULT
+    with Observer(WALKER, endpoints=endpoints, identity="eve") as bystander:
+        bystander.connect(timeout_s=PATIENCE_S)
+        assert bystander.requests.stop_robot().mode is RobotMode.FAULT
     with pytest.raises(RequestRefusedError, match="e-stop by eve"):
         commander.enable()
     commander.request_mode("reset")

@@ -101,8 +101,6 @@ def test_a_refused_command_moves_nothing_and_is_counted_once(
         verdicts.append(verdict)
     refusals = [v.refusal for v in verdicts if v.refusal is not None]
     assert gate.refused == {r: refusals.count(r) for r in refusals}
-    clips = [limit for v in verdicts for limit in v.clipped]
-    assert gate.clipped == {limit: clips.count(limit) for limit in clips}
 
 
 @settings(max_examples=100)
@@ -116,7 +114,6 @@ def test_commands_inside_the_limits_pass_unchanged(direction: list[float]) -> No
     gate.begin_tick(now_s=0.0)
     result = gate.accept(command(q), tick=0, now_s=0.0)
     assert result.accepted
-    assert result.clipped == ()
     assert np.array_equal(result.posture, q)
     assert not gate.clipped
     assert not gate.refused
@@ -146,7 +143,6 @@ def test_too_fast_is_clipped_to_the_velocity_limit_and_counted() -> None:
     gate = active_gate()
     verdict = at_tick(gate, 0, q=offset("left_knee", 0.01))
     assert verdict.accepted
-    assert verdict.clipped == (Limit.VELOCITY,)
     moved = verdict.posture - WALKER.nominal
     knee = WALKER.joint_names.index("left_knee")
     assert moved[knee] == pytest.approx(WALKER.velocity_limit[knee] * PERIOD_S)
@@ -156,15 +152,15 @@ def test_too_fast_is_clipped_to_the_velocity_limit_and_counted() -> None:
 
 def test_a_jump_is_clipped_to_the_step_limit() -> None:
     gate = active_gate()
-    verdict = at_tick(gate, 0, q=offset("left_knee", 0.04))
-    assert verdict.clipped == (Limit.VELOCITY, Limit.STEP)
+    at_tick(gate, 0, q=offset("left_knee", 0.04))
+    assert gate.clipped == {Limit.VELOCITY: 1, Limit.STEP: 1}
 
 
 def test_outside_the_range_is_clipped_to_it() -> None:
     robot = dataclasses.replace(WALKER, upper=WALKER.nominal + 1e-3)
     gate = active_gate(robot)
-    verdict = at_tick(gate, 0, q=offset("left_knee", 4e-3))
-    assert verdict.clipped == (Limit.POSITION,)
+    at_tick(gate, 0, q=offset("left_knee", 4e-3))
+    assert gate.clipped == {Limit.POSITION: 1}
     assert np.all(gate.posture <= robot.upper)
 
 
@@ -172,7 +168,8 @@ def test_limits_count_from_the_last_command_not_from_what_was_refused() -> None:
     gate = active_gate()
     assert at_tick(gate, 0, q=offset("left_knee", 0.004)).accepted
     assert not at_tick(gate, 1, q=NOT_A_POSTURE).accepted
-    assert at_tick(gate, 2, q=offset("left_knee", 0.011)).clipped == ()
+    assert at_tick(gate, 2, q=offset("left_knee", 0.011)).accepted
+    assert not gate.clipped
 
 
 def test_two_commands_in_one_tick_move_as_far_as_one() -> None:
@@ -282,5 +279,6 @@ def test_a_smaller_step_limit_of_the_robot_file_is_kept() -> None:
         WALKER, file=msgspec.structs.replace(WALKER.file, gate=gate_file)
     )
     gate = active_gate(robot)
-    assert at_tick(gate, 0, q=offset("left_knee", 4e-3)).clipped == (Limit.STEP,)
+    at_tick(gate, 0, q=offset("left_knee", 4e-3))
+    assert gate.clipped == {Limit.STEP: 1}
     assert np.abs(gate.posture - WALKER.nominal).max() <= 1e-3 + ROUNDING_RAD

@@ -85,7 +85,7 @@ def test_warn_only_follows_and_counts() -> None:
     wanted = gate.posture + BEYOND_RAD
     verdict = at_tick(gate, 1, wanted)
     assert verdict.accepted
-    assert Limit.STEP in verdict.clipped
+    assert Limit.STEP in gate.clipped
     assert np.array_equal(gate.posture, wanted)
     assert "followed beyond its limits" in gate.modes.notice
 

@@ -82,18 +82,16 @@ def test_a_commander_refuses_a_robot_of_another_description(
     place: Endpoints, ours: Robot, theirs: Robot
 ) -> None:
     with serving(theirs, place) as served, as_client(ours, place) as client:
-        with pytest.raises(RobotMismatchError, match=DIFFERENT) as caught:
+        with pytest.raises(RobotMismatchError, match=DIFFERENT):
             client.connect(timeout_s=PATIENCE_S)
-        assert caught.value.differing == ("joints", "feet")
-        assert caught.value.namespace == "walker"
         assert holder(served) == ""
 
 
 def test_another_servo_profile_is_another_robot(endpoints: Endpoints) -> None:
     with serving(WALKER, endpoints), as_client(HARMONIC, endpoints) as client:
-        with pytest.raises(RobotMismatchError, match="--servo-profile") as caught:
+        words = "differs in: servo; .*--servo-profile"
+        with pytest.raises(RobotMismatchError, match=words):
             client.connect(timeout_s=PATIENCE_S)
-        assert caught.value.differing == ("servo",)
 
 
 def test_the_robot_refuses_a_commander_of_another_description(
@@ -136,7 +134,7 @@ def test_an_answer_of_another_robot_is_not_taken_but_an_e_stop_is(
     endpoints: Endpoints,
 ) -> None:
     def strange(reply: ServiceReply) -> None:
-        raise RobotMismatchError("another one", namespace="walker")
+        raise RobotMismatchError("another one")
 
     with (
         serving(WALKER, endpoints) as served,
@@ -232,7 +230,6 @@ def test_a_second_robot_of_the_namespace_refuses_to_start(routed: Endpoints) -> 
         ):
             pass
         assert "`namespace` of its own" in str(caught.value)
-        assert caught.value.instances[0] == ours
         with as_client(WALKER, routed) as client:
             assert client.connect(timeout_s=PATIENCE_S)
             assert client.take_lease().instance == ours
@@ -269,9 +266,8 @@ def test_clients_refuse_two_robots_by_name(place: Endpoints) -> None:
             Observer(WALKER, endpoints=place) as observer,
         ):
             for dialing in (client, observer):
-                with pytest.raises(SecondRobotError, match=words) as caught:
+                with pytest.raises(SecondRobotError, match=words):
                     dialing.connect(timeout_s=PATIENCE_S)
-                assert caught.value.instances == tuple(both)
 
 
 def test_a_commander_leaves_when_a_second_robot_comes_to_stay(

@@ -84,7 +84,7 @@ def test_a_stop_request_ends_the_robots_waits(endpoints: Endpoints) -> None:
     stop.set("a test")
     gate = CommandGate(WALKER, WALKER.nominal)
     with RobotServer(WALKER, gate, endpoints=endpoints, stop=stop) as server:
-        assert not server.wait_until_active(now_s=0.0, timeout_s=None)
+        assert not server.wait_until_active(timeout_s=None)
         deadline = time.monotonic() + PATIENCE_S
         assert server.answer(0, now_s=0.0, deadline=deadline) is NoAnswer.YET
         assert time.monotonic() < deadline

@@ -42,12 +42,10 @@ def test_port_in_use_names_the_endpoint() -> None:
         taken.listen()
         locator = f"tcp/127.0.0.1:{taken.getsockname()[1]}"
         with (
-            pytest.raises(EndpointError, match=r"in use.*another port") as caught,
+            pytest.raises(EndpointError, match=rf"{locator}.*in use.*another port"),
             open_session(Endpoints(listen=[locator]), Role.ROBOT, namespace="walker"),
         ):
             pass
-    assert locator in str(caught.value)
-    assert caught.value.locators == [locator]
 
 
 def test_a_name_that_does_not_resolve_cannot_be_listened_on() -> None:

@@ -13,6 +13,7 @@ import pytest
 
 from surefoot.robot_io.client_side.client import RobotClient
 from surefoot.robot_io.client_side.observer import Observer
+from surefoot.robot_io.client_side.requests import Requests
 from surefoot.robot_io.errors import RequestRefusedError, RobotUnreachableError
 from surefoot.robot_io.realtime import StopRequest
 from surefoot.robot_io.relay.relay import Relay
@@ -125,7 +126,8 @@ def test_a_clear_relay_carries_everything(endpoints: Endpoints) -> None:
             client.send(WALKER.nominal, tick=tick)
             wait_until(lambda n=number: accepted(made) == n, what="the command")
         wait_until(lambda: client.status() is not None, what="the robot's status")
-        client.stop_robot()
+        caller = client._services
+        assert Requests(caller, WALKER, source="ann").stop_robot().accepted
         assert made.mode() is RobotMode.FAULT
         made.stop_relay.set()
         counts = made.result.result(PATIENCE_S).counts

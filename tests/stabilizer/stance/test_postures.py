@@ -118,7 +118,6 @@ def test_knees_are_bent_for_the_travel_and_never_straight() -> None:
     found = find_nominal(
         MODEL.pin_model, MODEL.sole_ids, R_world_base=np.eye(3), apart_m=APART_M
     )
-    assert found.knees == ("left_knee", "right_knee")
     assert found.knee_angle(0) == pytest.approx(found.knee_angle(1), abs=1e-3)
     assert 1.1 < found.knee_angle(0) < 1.5
     leg = found.legs[0]

@@ -27,9 +27,9 @@ from surefoot.tuning.objectives import (
     _sensitivity,
     find_objectives,
     is_beaten,
-    is_up,
     mean_figures,
     stimulus_of,
+    succeeded,
 )
 from tests.surefoot.tuning.searches import HOLDS, spec_of, still
 
@@ -66,7 +66,7 @@ def test_objectives_that_nothing_has_are_refused(tmp_path: Path) -> None:
         ({"params": {"tsid.comkp": (1, 2)}}, "did you mean 'tsid.com_kp'"),
         ({"params": {}}, "expected at least one"),
         ({"params": ["dik.com_gain", "dik.com_gain.x=1:4"]}, "searched twice"),
-        ({"objectives": ["com", "fall"]}, "expected some of com"),
+        ({"objectives": ["com", "fall"]}, "expected one of com"),
         ({"params": ["tsid.com_kp"], "controller": "zmp"}, "whole-body would"),
         ({"held_out_seeds": [0]}, "the search sees some of them"),
         ({"held_out_seeds": [1, 1]}, "--held-out-seeds: 1 is named twice"),
@@ -118,7 +118,7 @@ def test_walk_that_is_refused_is_no_better_than_a_fall(tmp_path: Path) -> None:
     row = Task(cell, "walker", ("walk.longest_m=0.05",)).run()
     assert row["outcome"] == "stood"
     assert "at most 0.05 m" in row[UNWALKED]
-    assert not is_up(row)
+    assert not succeeded(row)
 
 
 def test_mean_is_over_the_runs_that_have_the_figure() -> None:
