@@ -301,7 +301,7 @@ def read_signals(place: str | Path) -> Signals:
         if not (place / MARKER).is_file():
             raise UsageError(f"{place}: {NO_RUN}")
         raise UsageError(
-            f"{place / TICKS}: missing; the run ended before it kept a tick, or without "
+            f"{place / TICKS}: missing; the run ended before it kept a tick, or had no "
             "--out. Make it again with --out, and let it run"
         )
     return Signals(tables)
