@@ -27,6 +27,7 @@ from surefoot.schemas.reasons import Outcome
 from surefoot.schemas.result import RunResult
 from surefoot.schemas.scenario import Scenario
 from surefoot.signals import Signals, TickSinks, file_sinks, memory_sinks, read_signals
+from surefoot.stabilizer.controller import ControllerError
 from surefoot.stabilizer.factory import (
     check_controller,
     check_read,
@@ -380,6 +381,12 @@ def _name_of(controller: Any) -> str:
     """Return a controller's name in results."""
     if isinstance(controller, str):
         return controller
+    if not callable(controller) and not hasattr(controller, "step"):
+        raise ControllerError(
+            f"controller: got {controller!r}, expected a name such as 'whole-body', a "
+            "class, or an object with start(snapshot, q_command) and "
+            "step(snapshot, reference)"
+        )
     kind = controller if isinstance(controller, type) else type(controller)
     return str(getattr(controller, "name", kind.__name__))
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -73,6 +74,40 @@ def test_a_module_of_a_package_and_an_entry_point(
 def test_a_wrong_name_is_refused_in_words(name: str, told: str) -> None:
     with pytest.raises(sf.ControllerError, match=told):
         sf.simulate("walker", SCENARIO, controller=name)
+
+
+@pytest.mark.parametrize(
+    ("text", "told"),
+    [
+        ("class X(:", "broken.py, line 1: invalid syntax"),
+        ("1 / 0", r"ZeroDivisionError: division by zero \(broken.py, line 1\)"),
+        ("raise SystemExit(3)", r"SystemExit: 3 \(broken.py, line 1\)"),
+        (
+            "class X:\n    def __init__(self, robot):\n        self.n = robot.joints",
+            r"AttributeError: .* no attribute 'joints' \(broken.py, line 3\)",
+        ),
+    ],
+)
+def test_one_that_does_not_load_is_told_in_words(
+    tmp_path: Path, text: str, told: str
+) -> None:
+    file = tmp_path / "broken.py"
+    file.write_text(text)
+    with pytest.raises(sf.ControllerError, match=f"controller {file}:X: {told}"):
+        sf.simulate("walker", SCENARIO, controller=f"{file}:X")
+
+
+def test_a_missing_package_of_a_controller_is_named(tmp_path: Path) -> None:
+    file = tmp_path / "needs.py"
+    file.write_text("import no_such_package")
+    with pytest.raises(ImportError, match=r"needs.py:X: .*no_such.*needs.py, line 1"):
+        sf.simulate("walker", SCENARIO, controller=f"{file}:X")
+
+
+@pytest.mark.parametrize("run", [sf.simulate, sf.run])
+def test_what_is_no_controller_is_refused(run: Callable[..., sf.Run]) -> None:
+    with pytest.raises(sf.ControllerError, match="got 3, expected a name such as"):
+        run("walker", SCENARIO, controller=3)
 
 
 def test_a_wrong_answer_is_refused_in_words() -> None:
