@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import traceback
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING, Annotated
@@ -175,6 +176,8 @@ def run(
             lambda: with_histograms(run_table(result), result.histograms),
             as_json=as_json,
         )
+    if done is not None and done.error is not None:
+        traceback.print_exception(done.error)  # of the user's code, which needs it
     if error is not None:
         raise error
     if video:

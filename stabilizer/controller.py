@@ -44,7 +44,7 @@ class ControllerError(ValueError):
 
 
 _CALLERS = ("<", str(Path(__file__).parents[1]), str(Path(importlib.__file__).parent))
-"""Beginnings of files that call a user's code: frozen, the library's, the importer's."""
+"""Beginnings of files that call a user's code: frozen, the library's, importlib's."""
 _LONGEST_TEXT = 200
 
 

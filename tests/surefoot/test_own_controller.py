@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from collections.abc import Callable
 from pathlib import Path
 
@@ -129,6 +130,41 @@ def test_one_that_answers_no_numbers_is_given_up_the_same_way_on_the_bus(
         assert result["refused"] == {"not_finite": 10}
         told.append((result["outcome_detail"], result["log_sha256"]))
     assert told[0] == told[1]
+
+
+@pytest.mark.parametrize(
+    ("kind", "told"),
+    [
+        ("Raises", r"ValueError: boom \(own_controllers.py, line \d+\)"),
+        (
+            "RaisesAtStart",
+            r"LookupError: no such gain \(own_controllers.py, line \d+\)",
+        ),
+        ("TooShort", r"step returned shape \(27,\), expected \(28,\)"),
+    ],
+)
+def test_one_that_raises_is_given_up_the_same_way_on_the_bus(
+    tmp_path: Path, surefoot_here: Surefoot, kind: str, told: str
+) -> None:
+    scenario = scenario_file(tmp_path, 0.6, name="own")
+    words = (scenario, "--json", "--controller", STAY.replace("Stay", kind))
+    inline, bus = tmp_path / "inline", tmp_path / "bus"
+    here = surefoot_here("run", *words, "--inline", "--out", inline)
+    there = run_surefoot("run", *words, "--out", bus)
+    details = []
+    for done, folder in ((here, inline), (there, bus)):
+        assert done.returncode == 1, done.stderr
+        result = json.loads((folder / "result.json").read_text())
+        assert json.loads(done.stdout)["outcome_detail"] == result["outcome_detail"]
+        assert (result["outcome"], result["end"]) == ("held", "controller_failed")
+        assert re.search(told, result["outcome_detail"]), result["outcome_detail"]
+        details.append((result["outcome_detail"], result["log_sha256"]))
+    assert details[0] == details[1]
+    for text in (here.stderr, (bus / "stabilizer.log").read_text()):
+        assert "Traceback" in text
+        assert "own_controllers.py" in text or kind == "TooShort"
+    with pytest.raises((ValueError, LookupError)):
+        sf.simulate("walker", SCENARIO, controller=getattr(own, kind))
 
 
 def test_the_command_line_takes_it_everywhere(
