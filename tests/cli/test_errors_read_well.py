@@ -176,9 +176,39 @@ def test_a_wrong_file_is_named_with_its_key(
 def test_a_walk_by_numbers_that_are_none_is_refused(
     surefoot_here: Surefoot, option: str, value: str
 ) -> None:
-    done = surefoot_here("walk", f"--{option}={value}")
-    assert done.returncode == 2
-    assert f"Invalid value for '--{option}'" in done.stderr
+    told = complaint(surefoot_here("walk", f"--{option}={value}"), 2)
+    assert f"--{option}: got {value}, expected a finite number" in told
+
+
+@pytest.mark.parametrize(
+    ("words", "expected"),
+    [
+        (
+            ["walk", "--velocity=11"],
+            "--velocity: got 11, expected a finite number from -10",
+        ),
+        (
+            ["walk", "--steps", "0"],
+            "--steps: got 0, expected a whole number of at least 1",
+        ),
+        (["walk", "--steps", "two"], "--steps: got two, expected a whole number"),
+        (
+            [*STANDING, "--view-port", "99999"],
+            "expected a whole number from 0 to 65535",
+        ),
+        ([*STANDING, "--out", ""], "--out: is empty; name a folder"),
+        ([*STANDING, "--out="], "--out: is empty; name a folder"),
+        ([*STANDING, "--settings", " "], "--settings: is empty; name a file"),
+        ([*STANDING, "--robot", ""], "--robot: is empty; name a value"),
+        (["run", ""], "SCENARIO: is empty"),
+        (["sweep", "standing", "", "--out", "x"], "SCENARIOS: is empty"),
+        (["report", ""], "RUN_DIR: is empty; name a folder"),
+    ],
+)
+def test_a_value_that_is_empty_or_out_of_range_is_named_by_its_option(
+    surefoot_here: Surefoot, words: list[str], expected: str
+) -> None:
+    assert expected in complaint(surefoot_here(*words), 2)
 
 
 @pytest.mark.parametrize("command", ["robot", "router", "run"])
