@@ -25,6 +25,7 @@ NARROW = 72
 _HOME = re.compile(r"^(--[a-z-]+=|)(~[^/]*)")
 """A home folder (``~``) at the beginning of a word or of an option's value."""
 _WORDS = {"str": "TEXT", "path": "PATH", "int": "N", "int range": "N", "float": "X"}
+MOST_SEED = 2**62
 _WANTED = {
     "DIR": "a folder",
     "RUN_DIR": "a folder",
@@ -246,7 +247,8 @@ ServoOption = Annotated[
 ]
 
 SeedOption = Annotated[
-    int, typer.Option("--seed", min=0, help="Seed of the sensor noise.")
+    int,
+    typer.Option("--seed", min=0, max=MOST_SEED, help="Seed of the sensor noise."),
 ]
 
 LockstepOption = Annotated[

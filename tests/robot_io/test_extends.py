@@ -40,6 +40,10 @@ def test_only_one_step_and_only_to_a_file_that_is_there(tmp_path: Path) -> None:
     path.write_text('extends = "nothing.toml"\n')
     with pytest.raises(FileFormatError, match=r"nothing.toml: no such file"):
         load_robot(str(path))
+    path.write_text('extends = "walker"\n')
+    written = rf"no such file; .* write its path, {find_robot('walker')}"
+    with pytest.raises(FileFormatError, match=written):
+        load_robot(str(path))
 
 
 def test_a_profile_of_ones_own_stands_beside_those_of_the_file_below(
