@@ -126,6 +126,8 @@ def run(
     from surefoot.runs import execute
 
     show_notes("surefoot.run")
+    if overwrite and out is None:
+        raise UsageError("--overwrite needs --out DIR, whose former files it replaces")
     if video:
         _prepare_video(out)
     plan = make_plan(

@@ -147,6 +147,7 @@ def test_what_only_the_robot_finds_reads_the_same_from_two_processes(
         (["run", "standing", "--controller", "magic"], "whole-body"),
         ([*STANDING, "--settings", "zmp-stok"], "zmp-stock, zmp-tuned"),
         ([*STANDING, "--realtime"], "--realtime"),
+        ([*STANDING, "--overwrite"], "--overwrite needs --out DIR"),
         ([*STANDING, "--listen", "tcp/127.0.0.1:0"], "--listen"),
         ([*STANDING, "--connect", "tcp/a:1"], "--connect"),
         (["run", "standing", *PRIORITY], "goes with --realtime"),
