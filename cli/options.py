@@ -25,6 +25,17 @@ NARROW = 72
 _HOME = re.compile(r"^(--[a-z-]+=|)(~[^/]*)")
 """A home folder (``~``) at the beginning of a word or of an option's value."""
 _WORDS = {"str": "TEXT", "path": "PATH", "int": "N", "int range": "N", "float": "X"}
+MOST_SEED = 2**62
+_WANTED = {
+    "DIR": "a folder",
+    "RUN_DIR": "a folder",
+    "FILE": "a file",
+    "PATH": "a file or folder",
+}
+"""What to name, by the word for the value in help."""
+_PRESETS = Path(__file__).parents[1] / "stabilizer" / "presets"
+_SHIPPED = sorted(path.stem for path in _PRESETS.glob("*.toml"))
+"""Names of the shipped settings; found here since help must not load the stabilizer."""
 _BUS = "Bus"
 CONTROLLER = "Controller"
 _TIMING = "Real time"
@@ -132,10 +143,53 @@ class Command(_TerminalWords, TyperCommand):
         super().__init__(*args, help=help, **more)
 
     def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
-        """Parse the words, with ``~`` in ``--out=~/x`` expanded."""
+        """Parse the words, with ``~`` in ``--out=~/x`` expanded.
+
+        Raises:
+            UsageError: a text is empty, or a number out of range or none.
+        """
         args = [_HOME.sub(lambda at: at[1] + expanduser(at[2]), arg) for arg in args]
+        if not ctx.resilient_parsing:
+            given = self.make_parser(ctx).parse_args([*args])[0]
+            for param in self.get_params(ctx):
+                texts = given.get(param.name)
+                for text in texts if isinstance(texts, (list, tuple)) else [texts]:
+                    if isinstance(text, str):
+                        _check_text(text, param, kind=param.display_type(ctx))
         parsed: list[str] = super().parse_args(ctx, args)
         return parsed
+
+
+def _check_text(text: str, param: Any, *, kind: str) -> None:
+    """Refuse an empty value, and a number that typer would refuse without naming it."""
+    is_argument = isinstance(param, TyperArgument)
+    name = param.metavar if is_argument else max(param.opts, key=len)
+    if not text.strip():
+        wanted = _WANTED.get(param.metavar, "one" if is_argument else "a value")
+        raise UsageError(
+            f"{name}: is empty; name {wanted} (a shell variable that is not set is "
+            "empty)"
+        )
+    if "float" not in kind and "int" not in kind:
+        return
+    is_whole = "int" in kind
+    least, most = getattr(param, "min", None), getattr(param, "max", None)
+    try:
+        number = int(text) if is_whole else float(text)
+        is_fit = math.isfinite(number)
+    except (ValueError, OverflowError):
+        number, is_fit = 0, False
+    is_low = least is not None and number < least
+    is_high = most is not None and number > most
+    if is_fit and not is_low and not is_high:
+        return
+    expected = "a whole number" if is_whole else "a finite number"
+    if least is not None:
+        expected += " of at least" if most is None else " from"
+        expected += f" {least:.12g}"
+    if most is not None:
+        expected += f" to {most:.12g}"
+    raise UsageError(f"{name}: got {text!s}, expected {expected}")
 
 
 class Group(_TerminalWords, TyperGroup):
@@ -174,17 +228,6 @@ def names_in(text: str | None) -> list[str] | None:
     return None if text is None else [name.strip() for name in text.split(",")]
 
 
-def finite(value: float) -> float:
-    """Return an option's number if it is finite; not needed with both limits.
-
-    Raises:
-        BadParameter: it is NaN or infinite.
-    """
-    if not math.isfinite(value):
-        raise typer.BadParameter(f"{value} is no finite number")
-    return value
-
-
 WaitOption = Annotated[
     float,
     typer.Option(
@@ -192,7 +235,6 @@ WaitOption = Annotated[
         min=0.0,
         metavar="SECONDS",
         help="How long to wait for the robot.",
-        callback=finite,
     ),
 ]
 
@@ -205,7 +247,8 @@ ServoOption = Annotated[
 ]
 
 SeedOption = Annotated[
-    int, typer.Option("--seed", min=0, help="Seed of the sensor noise.")
+    int,
+    typer.Option("--seed", min=0, max=MOST_SEED, help="Seed of the sensor noise."),
 ]
 
 LockstepOption = Annotated[
@@ -234,8 +277,8 @@ SettingsOption = Annotated[
     typer.Option(
         "--settings",
         metavar="FILE",
-        help="Shipped settings (person, zmp-stock, zmp-tuned), or a file (.toml) with "
-        "any of the settings.",
+        help=f"Shipped settings ({', '.join(_SHIPPED)}), or a file (.toml) with any of "
+        "the settings.",
         rich_help_panel=CONTROLLER,
     ),
 ]

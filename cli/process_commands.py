@@ -231,9 +231,7 @@ def stabilizer(
 
 def _speed(flag: str, most: float, unit: str, help: str) -> Any:
     """Return an option for a speed that may be negative, at most ``most`` in size."""
-    return typer.Option(
-        flag, min=-most, max=most, metavar=unit, help=help, callback=options.finite
-    )
+    return typer.Option(flag, min=-most, max=most, metavar=unit, help=help)
 
 
 def walk(

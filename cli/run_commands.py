@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import traceback
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING, Annotated
@@ -125,6 +126,8 @@ def run(
     from surefoot.runs import execute
 
     show_notes("surefoot.run")
+    if overwrite and out is None:
+        raise UsageError("--overwrite needs --out DIR, whose former files it replaces")
     if video:
         _prepare_video(out)
     plan = make_plan(
@@ -171,6 +174,8 @@ def run(
     if done is not None:
         result = done.result
         print_result(result, lambda: run_table(result), as_json=as_json)
+    if done is not None and done.error is not None:
+        traceback.print_exception(done.error)  # of the user's code, which needs it
     if error is not None:
         raise error
     if video:

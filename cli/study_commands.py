@@ -10,10 +10,9 @@ from typing import Annotated, Any
 import typer
 
 from surefoot.cli import options
-from surefoot.cli.options import complete_scenario
+from surefoot.cli.options import MOST_SEED, complete_scenario
 from surefoot.errors import UsageError
 
-MOST_SEED = 2**62
 OutOption = Annotated[
     Path,
     typer.Option(

@@ -33,6 +33,7 @@ from surefoot.schemas.toml_file import (
     read_toml,
 )
 from surefoot.schemas.topics import resolve_keys
+from surefoot.schemas.validation import nearest
 
 Offsets = Annotated[list[float], msgspec.Meta(min_length=6, max_length=6)]
 EXTENDS = "extends"
@@ -305,12 +306,27 @@ def load_robot(name_or_path: str | Path, *, servo_profile: str | None = None) ->
     path = find_robot(name_or_path)
     file, urdf_folder = _read(path)
     if servo_profile is not None:
-        servo = msgspec.structs.replace(file.servo, profile=servo_profile)
-        file = msgspec.structs.replace(file, servo=servo)
+        file = with_servo_profile(file, servo_profile, path=path)
     urdf_path = urdf_folder / file.urdf
     if not urdf_path.is_file():
         raise RobotFileError(f"{path}: urdf: no such file: {urdf_path}")
     return make_robot(file, path=path, urdf_path=urdf_path)
+
+
+def with_servo_profile(file: RobotFile, profile: str, *, path: Path) -> RobotFile:
+    """Return a robot file with another choice among its servo profiles.
+
+    Raises:
+        FileFormatError: the file has no such profile.
+    """
+    if profile not in file.servo.profiles:
+        raise FileFormatError(
+            f"--servo-profile: got {profile!r}{nearest(profile, file.servo.profiles)}; "
+            f"{path} has {', '.join(sorted(file.servo.profiles)) or 'none'}",
+            field="servo.profile",
+        )
+    servo = msgspec.structs.replace(file.servo, profile=profile)
+    return msgspec.structs.replace(file, servo=servo)
 
 
 def make_robot(file: RobotFile, *, path: Path, urdf_path: Path) -> Robot:
@@ -361,7 +377,12 @@ def _extended(
     try:
         base = read_toml(below)
     except FileFormatError as error:
-        raise FileFormatError(f"{path}: {EXTENDS}: {error}", field=EXTENDS) from error
+        hint = ""
+        if not below.exists() and below.name in list_robots():
+            hint = f"; for the shipped robot write its path, {find_robot(below.name)}"
+        raise FileFormatError(
+            f"{path}: {EXTENDS}: {error}{hint}", field=EXTENDS
+        ) from error
     if below.samefile(path):
         raise FileFormatError(
             f"{path}: {EXTENDS}: names this file itself; name the one that it changes",

@@ -74,11 +74,6 @@ def check_robot(file: RobotFile, path: Path, urdf_path: Path) -> UrdfFacts:
 
 
 def _check_file(file: RobotFile, path: Path) -> None:
-    if not (file.name.strip() and file.name.isprintable()):
-        raise FileFormatError(
-            f"{path}: name: got {file.name!r}, expected one line to show to people",
-            field="name",
-        )
     sides = [foot.side for foot in file.foot]
     if sides != ["left", "right"]:
         raise FileFormatError(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from typing import Annotated, Literal
 
 import msgspec
@@ -12,6 +13,8 @@ Positive = Annotated[float, msgspec.Meta(gt=0.0)]
 NonNegative = Annotated[float, msgspec.Meta(ge=0.0)]
 Fraction = Annotated[float, msgspec.Meta(ge=0.0, le=1.0)]
 Side = Literal["left", "right"]
+NAME = "[A-Za-z0-9][A-Za-z0-9 ._+-]{0,99}"
+"""Pattern of a robot's name."""
 
 
 class Imu(FileStruct, frozen=True, kw_only=True):
@@ -128,8 +131,9 @@ class Joint(FileStruct, frozen=True, kw_only=True):
 class RobotFile(FileStruct, frozen=True, kw_only=True):
     """A robot: geometry in the URDF it names, the rest here."""
 
-    name: str
-    """Name shown to people."""
+    name: Annotated[str, msgspec.Meta(extra_json_schema={"pattern": f"^{NAME}$"})]
+    """Name shown to people, and part of file names: letters of ASCII, digits, blanks
+    and ``._+-``, at most 100, a letter or digit first."""
     urdf: str
     """Path of the URDF, relative to this file."""
     namespace: str
@@ -157,3 +161,12 @@ class RobotFile(FileStruct, frozen=True, kw_only=True):
     """Actuated joints, in the order of every array on the bus."""
     keys: dict[str, str] = {}
     """Channel name to key, where the real bus uses another key."""
+
+    def __post_init__(self) -> None:
+        """Refuse a name that is not fit for files."""
+        if not re.fullmatch(NAME, self.name):
+            raise ValueError(
+                f"at `name`: got {self.name[:60]!r}, expected ASCII letters, "
+                "digits, blanks and ._+-, at most 100, a letter or digit first; it "
+                "becomes part of file names"
+            )

@@ -37,6 +37,20 @@ def wxyz(quat_xyzw: Array) -> Array:
     return quat_xyzw.take(_FROM_XYZW)
 
 
+def check_duration(duration_s: float, tick_s: float, *, what: str) -> None:
+    """Refuse a run that is shorter than one tick.
+
+    Raises:
+        ScenarioError: it is.
+    """
+    if duration_s < (1.0 - TOLERANCE_TICKS) * tick_s:
+        raise ScenarioError(
+            f"{what}: got {duration_s:g} s, expected a tick of the robot or more, "
+            f"{tick_s:g} s",
+            field=what if what == "duration_s" else "",
+        )
+
+
 def whole_ticks(span_s: float, tick_s: float, *, what: str) -> int:
     """Convert a time span to whole ticks.
 

@@ -13,7 +13,7 @@ from surefoot.schemas.messages import PushEvent, PushRequest
 from surefoot.schemas.reasons import ModeCause, RequestRefusal
 from surefoot.schemas.result import COMMANDED, Distribution, ModeReport, PlantResult
 from surefoot.schemas.scenario import Scenario
-from surefoot.sim_robot.conventions import whole_ticks
+from surefoot.sim_robot.conventions import check_duration, whole_ticks
 from surefoot.sim_robot.errors import CommandError, ScenarioError
 from surefoot.sim_robot.metrics import (
     Fall,
@@ -109,6 +109,7 @@ class SimulatedRobot:
             ScenarioError: the scenario does not fit the robot or its ticks.
         """
         period_s, delay_ms = robot.period_s, scenario.delay.command_ms
+        check_duration(scenario.duration_s, period_s, what="duration_s")
         delay_ticks = 1
         if delay_ms is not None:
             delay_ticks = whole_ticks(

@@ -5,10 +5,13 @@ Data flow: snapshot -> :class:`Controller` -> joint positions. Safety wraps it.
 
 from __future__ import annotations
 
+import importlib
 import inspect
+import traceback
 from abc import ABC, abstractmethod
 from collections.abc import Callable
 from dataclasses import dataclass
+from pathlib import Path
 from typing import TYPE_CHECKING, Any, Protocol, runtime_checkable
 
 import numpy as np
@@ -38,6 +41,30 @@ to go."""
 
 class ControllerError(ValueError):
     """A controller cannot be found or made, or breaks the controller protocol."""
+
+
+_CALLERS = ("<", str(Path(__file__).parents[1]), str(Path(importlib.__file__).parent))
+"""Beginnings of files that call a user's code: frozen, the library's, importlib's."""
+_LONGEST_TEXT = 200
+
+
+def told_of(error: BaseException) -> str:
+    """Return an exception of a user's code on one line: class, message and place.
+
+    The place is the deepest line of the file in which the user's code began.
+    """
+    if isinstance(error, ControllerError):
+        return str(error)
+    if isinstance(error, SyntaxError):
+        file = Path(error.filename or "").name
+        return f"{file}, line {error.lineno}: {error.msg}"
+    message = " ".join(str(error).split())[:_LONGEST_TEXT]
+    text = f"{type(error).__name__}: {message}" if message else type(error).__name__
+    frames = traceback.extract_tb(error.__traceback__)
+    files = [frame.filename for frame in frames]
+    begun = next((f for f in files if not f.startswith(_CALLERS)), files[-1])
+    lines = [frame.lineno for frame in frames if frame.filename == begun]
+    return f"{text} ({Path(begun).name}, line {lines[-1]})"
 
 
 @dataclass(slots=True)

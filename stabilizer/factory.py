@@ -7,7 +7,8 @@ import importlib
 import importlib.util
 import inspect
 import sys
-from collections.abc import Callable, Collection, Iterable
+from collections.abc import Callable, Collection, Iterable, Iterator
+from contextlib import contextmanager
 from importlib.metadata import entry_points
 from pathlib import Path
 from types import ModuleType
@@ -16,7 +17,7 @@ from typing import Any
 import numpy as np
 
 from surefoot.robot_io.robot import Robot
-from surefoot.schemas.errors import FileFormatError
+from surefoot.schemas.errors import FileFormatError, SchemaError
 from surefoot.schemas.law_settings import DikSettings
 from surefoot.schemas.settings import (
     ControllerSettings,
@@ -28,6 +29,7 @@ from surefoot.stabilizer.controller import (
     Controller,
     ControllerError,
     ForeignController,
+    told_of,
 )
 
 CONTROLLERS = ("whole-body", "zmp", "hold")
@@ -256,11 +258,18 @@ def find_target(name: str) -> Any:
     """Find the class, or another maker, of a foreign controller.
 
     Raises:
-        ControllerError: there is no such controller.
+        ControllerError: there is no such controller, or its module does not load.
+        ImportError: a package that it imports is missing.
     """
+    if not isinstance(name, str):
+        raise ControllerError(
+            f"controller: got {name!r}, expected a name such as 'whole-body', or "
+            "'path/to/file.py:Class'"
+        )
     place, colon, attribute = name.rpartition(":")
     if colon:
-        module = _module(place)
+        with _blamed(name):
+            module = _module(place)
         target = getattr(module, attribute, None)
         if target is None:
             offered = [n for n, value in vars(module).items() if inspect.isclass(value)]
@@ -271,7 +280,8 @@ def find_target(name: str) -> Any:
         return target
     for entry in entry_points(group=ENTRY_POINTS):
         if entry.name == name:
-            return entry.load()
+            with _blamed(name):
+                return entry.load()
     known = list_controllers()
     raise ControllerError(
         f"controller: got {name!r}{nearest(name, known)}; expected one of "
@@ -333,9 +343,29 @@ def maker_of(name: str, target: Any) -> ControllerMaker:
     takes = _takes(target)
 
     def make(robot: Robot, settings: ControllerSettings) -> Controller:
-        return adapt(target(*(robot, settings)[:takes]), robot, name=name)
+        with _blamed(name):
+            made = target(*(robot, settings)[:takes])
+        return adapt(made, robot, name=name)
 
     return make
+
+
+@contextmanager
+def _blamed(name: str) -> Iterator[None]:
+    """Name the controller, and where it failed, in any error of its own code.
+
+    A missing package stays an ImportError: this machine lacks it.
+    """
+    try:
+        yield
+    except (ControllerError, SchemaError):
+        raise
+    except ModuleNotFoundError as error:
+        raise ModuleNotFoundError(
+            f"controller {name}: {told_of(error)}", name=error.name
+        ) from error
+    except (Exception, SystemExit) as error:
+        raise ControllerError(f"controller {name}: {told_of(error)}") from error
 
 
 def _takes(target: Any) -> int:

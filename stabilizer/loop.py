@@ -25,7 +25,7 @@ from surefoot.schemas.reasons import (
 )
 from surefoot.schemas.walk_plan import WalkPlan
 from surefoot.stabilizer.control.reference import ReferenceLimits
-from surefoot.stabilizer.controller import ControllerOutput, Walks
+from surefoot.stabilizer.controller import ControllerOutput
 from surefoot.stabilizer.qp import save_failure
 from surefoot.stabilizer.requests import RequestHandler
 from surefoot.stabilizer.safety.safety import Safety
@@ -104,6 +104,7 @@ class Loop:
         self._status_every = max(1, round(1.0 / (STATUS_RATE_HZ * period_s)))
         self._began = (0, 0)
         self._is_told = False
+        self._error_told: Exception | None = None
         self._answered = 0
         self._last_tick = 0
         self._hold_since_ns: int | None = None
@@ -230,6 +231,9 @@ class Loop:
         )
         if len(safety.losses) > self._losses_told:
             self._tell_losses(tick)
+        if safety.error is not None and safety.error is not self._error_told:
+            self._error_told = safety.error
+            _LOG.error("tick %d: %s", tick, safety.detail, exc_info=safety.error)
         self._answered += 1
         if output.qp_status != GOOD and self._failure_file is not None:
             self._keep_failure(self._failure_file)
@@ -260,10 +264,8 @@ class Loop:
         plan = self._client.plan()
         if plan is not self._plan:
             new = self._plan = plan
-        controller = self._safety.controller
-        if new is None or not isinstance(controller, Walks):
+        if new is None or not self._safety.follow_plan(new):
             return None
-        controller.follow_plan(new)
         return new
 
     def _keep_failure(self, path: Path) -> None:

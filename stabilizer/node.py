@@ -224,8 +224,8 @@ class _Node:
         robots_pace = client.take_lease().pace
         if robots_pace != self._pace:
             raise RequestRefusedError(
-                f"the robot runs in {robots_pace}, this stabilizer in {self._pace}; "
-                f"start it with --{robots_pace}",
+                f"the robot runs in {robots_pace}, this command in {self._pace}; "
+                f"give it --{robots_pace}",
                 refusal=RequestRefusal.PACE,
                 detail=f"the robot runs in {robots_pace}",
             )

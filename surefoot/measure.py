@@ -14,7 +14,7 @@ import numpy as np
 import tomli_w
 
 from surefoot.errors import ChildFailedError, ExitCode, UsageError
-from surefoot.out_folder import check_replaceable, new_file
+from surefoot.out_folder import check_replaceable, make_out_folder, new_file
 from surefoot.robot_io.client_side.observer import Observer
 from surefoot.robot_io.conformance.evidence import Recording
 from surefoot.robot_io.realtime import Pace, StopRequest
@@ -354,6 +354,7 @@ def check_out(robot: Robot, out: Path, *, overwrite: bool) -> None:
 
     Raises:
         UsageError: the path is taken or no robot file, or its folder does not exist.
+        EnvironmentFailedError: nothing can be written there.
         FileFormatError: the file with the robot's offsets is malformed.
     """
     if out.suffix != ".toml":
@@ -362,6 +363,7 @@ def check_out(robot: Robot, out: Path, *, overwrite: bool) -> None:
     check_replaceable(out, signature=SIGNATURE, overwrite=overwrite)
     if not out.parent.is_dir():
         raise UsageError(f"--out {out}: there is no folder {out.parent}")
+    make_out_folder(out.parent, out=out)
 
 
 def write_profile(

@@ -19,7 +19,12 @@ from surefoot.errors import UsageError
 from surefoot.robot_files.judge import warnings_of
 from surefoot.robot_files.scenario_fit import scale_to_robot as fitted
 from surefoot.robot_io.relay.relay import find_plan
-from surefoot.robot_io.robot import Robot, load_robot, make_robot
+from surefoot.robot_io.robot import (
+    Robot,
+    load_robot,
+    make_robot,
+    with_servo_profile,
+)
 from surefoot.schemas.errors import FileFormatError
 from surefoot.schemas.relay_plan import RelayPlan, load_relay_plan
 from surefoot.schemas.scenario import (
@@ -34,6 +39,7 @@ from surefoot.schemas.settings import ControllerSettings, build_settings
 from surefoot.schemas.toml_file import read_toml, struct_table, toml_text
 from surefoot.schemas.walk_plan import WalkPlan
 from surefoot.sim_robot.catalogue import find_scenario, naming_scenario
+from surefoot.sim_robot.conventions import check_duration
 from surefoot.sim_robot.recorded import recorded_ground
 from surefoot.stabilizer.factory import (
     check_one_read,
@@ -177,22 +183,22 @@ def make_plan(
     else:
         path = find_scenario(str(scenario))
         world, name = load_scenario(path), path.stem
-    if duration_s is not None or pushes:
-        source = str(path or world.name)
-        table = struct_table(world)
-        if duration_s is not None:
-            table["duration_s"] = duration_s
-        table["push"] = [*table.get("push", []), *map(struct_table, pushes)]
-        world, path = scenario_from_table(table, source=source), None
+    if duration_s is not None:
+        world, path = _changed(world, "--duration", duration_s=duration_s), None
+    if pushes:
+        added = [*world.push, *pushes]
+        world, path = _changed(world, "--push", push=[*map(struct_table, added)]), None
         late = [push for push in pushes if push.start_s >= world.duration_s]
         if late:
             raise UsageError(
-                f"a push at {late[0].start_s:g} s: the run ends at "
+                f"--push: a push at {late[0].start_s:g} s: the run ends at "
                 f"{world.duration_s:g} s; push earlier, or run longer"
             )
     with naming_scenario(path or Path(world.name)):
         recorded_ground(world)
     model = resolve_robot(robot, servo_profile)
+    what = f"{path or world.name}: duration_s" if duration_s is None else "--duration"
+    check_duration(world.duration_s, model.period_s, what=what)
     for warning in warnings_of(model):
         _log.warning("%s", warning)
     if scale_to_robot:
@@ -217,6 +223,21 @@ def make_plan(
         relay=None if relay_path is None else load_relay_plan(relay_path),
         relay_path=relay_path,
     )
+
+
+def _changed(scenario: Scenario, option: str, **keys: Any) -> Scenario:
+    """Return a scenario with other values; an error is that of the option.
+
+    Raises:
+        FileFormatError: a value is out of range, or contradicts the scenario.
+    """
+    try:
+        return scenario_from_table({**struct_table(scenario), **keys}, source=option)
+    except FileFormatError as error:
+        told = str(error).removeprefix(f"{option}: ")
+        for key in keys:
+            told = told.removeprefix(f"{key}: ")
+        raise FileFormatError(f"{option}: {told}", field=error.field) from error
 
 
 def steps_of(name: str, robot: Robot, settings: ControllerSettings) -> WalkPlan:
@@ -260,8 +281,7 @@ def resolve_robot(robot: str | Path | Robot, servo_profile: str | None) -> Robot
         return load_robot(robot, servo_profile=servo_profile)
     if servo_profile is None or servo_profile == robot.file.servo.profile:
         return robot
-    servo = msgspec.structs.replace(robot.file.servo, profile=servo_profile)
-    file = msgspec.structs.replace(robot.file, servo=servo)
+    file = with_servo_profile(robot.file, servo_profile, path=robot.path)
     return make_robot(file, path=robot.path, urdf_path=robot.urdf_path)
 
 

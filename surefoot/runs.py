@@ -27,6 +27,7 @@ from surefoot.schemas.reasons import Outcome
 from surefoot.schemas.result import RunResult
 from surefoot.schemas.scenario import Scenario
 from surefoot.signals import Signals, TickSinks, file_sinks, memory_sinks, read_signals
+from surefoot.stabilizer.controller import ControllerError
 from surefoot.stabilizer.factory import (
     check_controller,
     check_read,
@@ -47,12 +48,15 @@ class Run:
         plan: robot, scenario, controller, settings and seed.
         folder: where the run is kept; None while it is only in memory.
         recorded: its signals; None unless they are in memory.
+        error: exception of its controller in this process, which ended in order; None
+            without one.
     """
 
     result: RunResult
     plan: RunPlan
     folder: Path | None = None
     recorded: Signals | None = None
+    error: Exception | None = None
 
     def __repr__(self) -> str:
         """Return inputs and outcome in short; the full run would fill pages."""
@@ -177,6 +181,7 @@ def run_inline(
     record: bool = False,
     folder: Path | None = None,
     histogram: bool = False,
+    goes_on: bool = False,
     on_tick: Callable[[int], None] | None = None,
 ) -> Run:
     """Run a plan in this process.
@@ -188,6 +193,8 @@ def run_inline(
         folder: gets the record and a QP that could not be solved; None keeps both in
             memory.
         histogram: whether the result holds a histogram of the controller's times.
+        goes_on: whether a controller that raises is given up in order, as on the bus;
+            otherwise its exception is raised.
         on_tick: called with each tick.
 
     Raises:
@@ -200,6 +207,7 @@ def run_inline(
 
     with _sinks(folder) if record else nullcontext() as sinks:
         sim = Kind.of_plan(plan, sinks=sinks)
+        sim.goes_on = goes_on
         law = _made(controller, plan)
         stop = StopRequest()
         with stop.on_signals():
@@ -210,6 +218,7 @@ def run_inline(
         result=sim.result(histogram=histogram),
         plan=plan,
         recorded=sim.signals if record and folder is None else None,
+        error=None if sim.safety is None else sim.safety.error,
     )
     if stop.is_set and not sim.finished:
         raise RunInterrupted(done)
@@ -319,8 +328,10 @@ def execute(
         write_inputs(folder.path, plan)
         result: RunResult | None
         error: ChildFailedError | KeyboardInterrupt | None = None
+        raised: Exception | None = None
         if plan.mode == "inline":
-            result, error = _inline(plan, folder, histogram=histogram, on_tick=on_tick)
+            inline, error = _inline(plan, folder, histogram=histogram, on_tick=on_tick)
+            result, raised = inline.result, inline.error
         else:
             folder.keep()  # the user needs the logs of a failed run
             from surefoot.processes.bus_run import run_processes
@@ -341,7 +352,7 @@ def execute(
             result = None if sides is None else join_result(plan, sides)
         run = None
         if result is not None:
-            run = Run(write_result(folder, result), plan, out)
+            run = Run(write_result(folder, result), plan, out, error=raised)
         if isinstance(error, KeyboardInterrupt):
             raise RunInterrupted(run) from error
         if error is not None:
@@ -357,8 +368,8 @@ def _inline(
     *,
     histogram: bool,
     on_tick: Callable[[int], None],
-) -> tuple[RunResult, KeyboardInterrupt | None]:
-    """Run in this process, in a folder; return figures and what cut the run short."""
+) -> tuple[Run, KeyboardInterrupt | None]:
+    """Run in this process, in a folder; return the run and what cut it short."""
 
     def begun(tick: int) -> None:
         folder.keep()
@@ -370,11 +381,12 @@ def _inline(
             record=folder.out is not None,
             folder=folder.path,
             histogram=histogram,
+            goes_on=True,
             on_tick=begun,
         )
     except RunInterrupted as interrupt:
-        return interrupt.run.result, interrupt
-    return run.result, None
+        return interrupt.run, interrupt
+    return run, None
 
 
 def _sinks(folder: Path | None) -> AbstractContextManager[TickSinks]:
@@ -386,6 +398,12 @@ def _name_of(controller: Any) -> str:
     """Return a controller's name in results."""
     if isinstance(controller, str):
         return controller
+    if not callable(controller) and not hasattr(controller, "step"):
+        raise ControllerError(
+            f"controller: got {controller!r}, expected a name such as 'whole-body', a "
+            "class, or an object with start(snapshot, q_command) and "
+            "step(snapshot, reference)"
+        )
     kind = controller if isinstance(controller, type) else type(controller)
     return str(getattr(controller, "name", kind.__name__))
 

@@ -34,7 +34,7 @@ from surefoot.signals import Signals, TickSinks, memory_sinks
 from surefoot.sim_robot.catalogue import naming_scenario
 from surefoot.sim_robot.simulated_robot import SimulatedRobot
 from surefoot.sim_robot.state_view import PlantTruth
-from surefoot.stabilizer.controller import ControllerOutput, Walks
+from surefoot.stabilizer.controller import ControllerOutput
 from surefoot.stabilizer.factory import adapt
 from surefoot.stabilizer.loop import told_end
 from surefoot.stabilizer.qp import save_failure
@@ -57,6 +57,8 @@ class Simulation:
 
     Attributes:
         plan: robot, scenario, settings and seed, resolved.
+        goes_on: whether a controller that raises is given up in order, as on the bus;
+            otherwise its exception ends the simulation.
         simulated: the robot with its plant; for reading.
         gate: the command gate between controller and servos; for reading.
     """
@@ -110,6 +112,7 @@ class Simulation:
 
     def _build(self, plan: RunPlan, sinks: TickSinks | None) -> None:
         self.plan = plan
+        self.goes_on = False
         self._sinks = sinks
         robot = plan.robot
         with naming_scenario(plan.scenario_path or Path(plan.scenario_name)):
@@ -291,8 +294,8 @@ class Simulation:
         first = self.simulated.sense() if snapshot is None else snapshot
         self._safety.start(first, self.gate.posture.copy())
         walk, self._walk = self._walk, None
-        if walk is not None and isinstance(ours, Walks):
-            ours.follow_plan(walk)
+        if walk is not None:
+            self._safety.follow_plan(walk)
         return self._safety
 
     def _answer(
@@ -320,6 +323,8 @@ class Simulation:
         """Count an answer, and note the state of the safety layer."""
         safety = self._safety
         assert safety is not None
+        if safety.error is not None and not self.goes_on:
+            raise safety.error
         self._telemetry.add(
             output, tick=tick, duration_ns=duration_ns, is_stale=is_stale
         )

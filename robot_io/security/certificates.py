@@ -55,7 +55,7 @@ def make_certificates(
         The files written.
 
     Raises:
-        CertificateError: some of the files exist already.
+        CertificateError: some of the files exist already, or the folder holds others.
         OSError: the files cannot be written; then none is.
     """
     there = [path for path in _files(folder, (AUTHORITY, *IDENTITIES)) if path.exists()]
@@ -63,6 +63,12 @@ def make_certificates(
         raise CertificateError(
             f"{there[0]} is there already, and {len(there) - 1} more; --renew makes "
             "new certificates by the same authority, or choose another folder"
+        )
+    if folder.is_file() or (folder.is_dir() and any(folder.iterdir())):
+        got = "is no folder" if folder.is_file() else "holds other files"
+        raise CertificateError(
+            f"--out {folder}: {got}; private keys go into an empty or new folder; name "
+            "one"
         )
     for host in hosts:  # before anything is written
         _place(host)

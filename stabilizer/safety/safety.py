@@ -19,10 +19,13 @@ from surefoot.schemas.messages import Reference
 from surefoot.schemas.reasons import EndReason, SensorTrouble, StabilizerState
 from surefoot.schemas.sensors import SENSORS
 from surefoot.schemas.settings import SafetySettings
+from surefoot.schemas.walk_plan import WalkPlan
 from surefoot.stabilizer.controller import (
     Controller,
     ControllerOutput,
     PassesOver,
+    Walks,
+    told_of,
 )
 from surefoot.stabilizer.estimation.wrenches import ForceOffsets, VirtualWrenches
 from surefoot.stabilizer.model import RobotModel
@@ -83,6 +86,7 @@ class Safety:
         end: why it gives up or was asked to end; ``none`` while it goes on.
         detail: why it is not active, in words; empty when it is.
         losses: sensors lost since the start, by channel, and why at first.
+        error: exception of the controller that ended it; None without one.
     """
 
     def __init__(
@@ -94,6 +98,7 @@ class Safety:
         self.end = EndReason.NONE
         self.detail = ""
         self.losses: dict[str, SensorTrouble] = {}
+        self.error: Exception | None = None
         self._settings = settings
         self._virtual: VirtualWrenches | None = None
         self._offsets: ForceOffsets | None = None
@@ -149,10 +154,24 @@ class Safety:
         """Begin on a robot that stands still; see :meth:`Controller.start`."""
         if self._virtual is not None:
             snapshot = self._virtual.infer(snapshot)
-        self.controller.start(snapshot, q_command)
         self._up = up_in_unit(snapshot)
         self._tick = snapshot.tick
         self._command, self._before = q_command.copy(), q_command.copy()
+        try:
+            self.controller.start(snapshot, q_command)
+        except Exception as error:
+            self._fail(error)
+
+    def follow_plan(self, plan: WalkPlan) -> bool:
+        """Give the controller steps; return whether it walks."""
+        if not isinstance(self.controller, Walks):
+            return False
+        if self.error is None:
+            try:
+                self.controller.follow_plan(plan)
+            except Exception as error:
+                self._fail(error)
+        return True
 
     def step(
         self, snapshot: Snapshot, ages: Ages, reference: Reference | None = None
@@ -168,6 +187,15 @@ class Safety:
             return self._output
         if self._gives_up():
             return self._fade_out()
+        try:
+            return self._answer(snapshot, ages, reference)
+        except Exception as error:
+            self._fail(error)
+            return self._fade_out()
+
+    def _answer(
+        self, snapshot: Snapshot, ages: Ages, reference: Reference | None
+    ) -> ControllerOutput:
         believed = self._believed(snapshot, ages)
         if self._gives_up():
             return self._fade_out()
@@ -204,7 +232,10 @@ class Safety:
             snapshot = self._virtual.infer(snapshot)
         believed = self._health.check(snapshot, FRESH, moves=self._moves)
         if not any(self._health.lost[index] for index in REQUIRED):
-            takes_in.pass_over(believed)
+            try:
+                takes_in.pass_over(believed)
+            except Exception as error:
+                self._fail(error)
 
     def _believed(self, snapshot: Snapshot, ages: Ages) -> Snapshot:
         """Return what is believed of a reading; give up if that is too little."""
@@ -248,6 +279,12 @@ class Safety:
         if not self._gives_up():
             self.state = StabilizerState.FADE_OUT
             self.end, self.detail = end, detail
+
+    def _fail(self, error: Exception) -> None:
+        """Give up because of an exception: whoever drives the robot still needs us."""
+        self.error = self.error or error
+        name = self.controller.name
+        self.abort(EndReason.CONTROLLER_FAILED, f"{name}: {told_of(error)}")
 
     def _distrust_imu(self, why: str) -> None:
         self.losses.setdefault("imu", SensorTrouble.INCONSISTENT)

@@ -367,11 +367,15 @@ def everyone(
     Raises:
         UsageError: there is no such controller.
         RobotFileError: no such robot.
+        FileFormatError: it has no such servo profile.
     """
-    from surefoot.robot_io.robot import load_robot
+    from surefoot.robot_io.robot import load_robot, with_servo_profile
 
-    servo = load_robot(robot).file.servo
+    model = load_robot(robot)
+    servo = model.file.servo
     names = controllers or (QUICK_CONTROLLERS if quick else CONTROLLERS)
     profiles = servo_profiles or ([servo.profile] if quick else list(servo.profiles))
+    for profile in profiles:
+        with_servo_profile(model.file, profile, path=model.path)
     variants = [find_variant(name).name for name in names]
     return [Under(v, p) for p in profiles for v in variants]

@@ -59,6 +59,8 @@ _SINE = {
 }
 SIZES_DEG = (0.5, 1.0, 2.0, 4.0, 8.0, 16.0)
 QUICK_SIZES_DEG = (8.0,)
+LARGEST_DEG = 45.0
+"""Largest stimulus, peak to peak; on steeper ground soles slide [deg]."""
 FREQUENCIES_HZ = (0.15, 0.4, 0.9, 1.35, 2.2)
 QUICK_FREQUENCIES_HZ = (0.4, 0.9, 2.2)
 QUICK_AXES: tuple[SwayAxis, ...] = ("pitch", "x")
@@ -156,14 +158,21 @@ def comtest(
     sizes = sizes_deg or (QUICK_SIZES_DEG if quick else SIZES_DEG)
     sines = frequencies_hz or (QUICK_FREQUENCIES_HZ if quick else FREQUENCIES_HZ)
     all_axes = QUICK_AXES if quick else AXES
-    stimuli_of = known_names(protocols or PROTOCOLS, PROTOCOLS, what="protocol")
-    about = known_names(axes or all_axes, AXES, what="axis")
+    stimuli_of = known_names(protocols or PROTOCOLS, PROTOCOLS, what="--protocols")
+    about = known_names(axes or all_axes, AXES, what="--axes")
     if not LEAST_CYCLES <= cycles <= MOST_CYCLES:
         raise UsageError(
-            f"cycles: got {cycles}, expected {LEAST_CYCLES} to {MOST_CYCLES}"
+            f"--cycles: got {cycles}, expected {LEAST_CYCLES} to {MOST_CYCLES}"
         )
-    for what, values in (("size", sizes), ("frequency", sines), ("speed", [speed])):
-        check_positive(values, what=what)
+    check_positive(sizes, what="--sizes")
+    check_positive(sines, what="frequencies_hz")
+    check_positive([speed], what="--speed")
+    if sorted({*sizes}) != [*sizes] or sizes[-1] > LARGEST_DEG:
+        got = ",".join(f"{size:g}" for size in sizes)
+        raise UsageError(
+            f"--sizes: got {got}, expected degrees in ascending order, each once, "
+            f"{LARGEST_DEG:g} at most"
+        )
     stimuli = list(_stimuli(stimuli_of, about, sizes, sines, speed, cycles))
     under = everyone(robot, controllers, servo_profiles, quick=quick)
     subject = subject_of(robot)
@@ -174,7 +183,7 @@ def comtest(
             for who in under
         ]
     except ValueError as error:  # the motion is impossible
-        raise UsageError(f"speed {speed:g}: {error}") from error
+        raise UsageError(f"--speed {speed:g}: {error}") from error
     with bench_runs(
         "comtest",
         seen_by=sway_cell.__module__,

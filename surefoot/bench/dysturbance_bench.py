@@ -12,6 +12,8 @@ from itertools import product
 from pathlib import Path
 from typing import Any
 
+from msgspec.structs import replace
+
 from surefoot.bench.bench_files import (
     Findings,
     TextTable,
@@ -44,6 +46,10 @@ from surefoot.bench.push_results import (
 )
 from surefoot.errors import UsageError
 from surefoot.presentation import CountBar, no_bar
+from surefoot.schemas.errors import FileFormatError
+from surefoot.schemas.scenario import scenario_from_table
+from surefoot.schemas.toml_file import struct_table
+from surefoot.sim_robot.errors import ScenarioError
 from surefoot.studies.cell import Row, is_up
 
 DIRECTIONS_DEG = (0.0, 180.0, 90.0)
@@ -142,19 +148,18 @@ def dysturbance(
         bar: shows how many runs are done.
 
     Raises:
-        UsageError: a name is unknown or a number out of range, or the folder holds
-            other files.
-        ScenarioError: the robot has no such link.
+        UsageError: a name is unknown or a number out of range, the robot has no such
+            link, or the folder holds other files.
     """
     from surefoot.robot_io.robot import load_robot
 
     directions = directions_deg or (QUICK_DIRECTIONS_DEG if quick else DIRECTIONS_DEG)
     sines = frequencies_hz or (QUICK_FREQUENCIES_HZ if quick else FREQUENCIES_HZ)
-    asked = known_names(kinds or KINDS, KINDS, what="kind")
-    check_positive(sines, what="frequency")
+    asked = known_names(kinds or KINDS, KINDS, what="--kinds")
+    check_positive(sines, what="--frequencies")
     for direction in directions:
         if not math.isfinite(direction):
-            raise UsageError(f"direction: got {direction:g}, expected degrees")
+            raise UsageError(f"--directions: got {direction:g}, expected degrees")
     under = everyone(robot, controllers, servo_profiles, quick=quick)
     subject = subject_of(robot)
     pushed = body or load_robot(robot).file.base_link
@@ -172,6 +177,7 @@ def dysturbance(
     def cell_of(key: Any, size: float) -> PushCell:
         return push_cell(key[0], size, key[1], subject=subject, body=pushed)
 
+    _check(robot, [cell_of(key, search.size) for key, search in searches.items()])
     with bench_runs(
         "dysturbance",
         seen_by=push_cell.__module__,
@@ -197,6 +203,30 @@ def dysturbance(
     found = Dysturbance(robot, subject, results, place, made_with)
     found.write()
     return found
+
+
+def _check(robot: str, cells: Sequence[PushCell]) -> None:
+    """Refuse a push that cannot be made, before any folder or run.
+
+    Raises:
+        UsageError: the robot has no such link, or a sine is too fast or too slow.
+    """
+    from surefoot.robot_io.robot import load_robot
+    from surefoot.sim_robot.plant import Plant
+
+    longest = max(cells, key=lambda cell: cell.scenario.duration_s).scenario
+    rods = [rod for cell in cells for rod in cell.scenario.rod]
+    together = replace(longest, name="pushes", rod=rods)
+    try:
+        scenario_from_table(struct_table(together), source="pushes")
+        Plant(load_robot(robot), together, seed=0)
+    except (FileFormatError, ScenarioError) as error:
+        key = error.field.rpartition(".")[2]
+        option = {"body": "--body", "frequency_hz": "--frequencies"}.get(key)
+        told = str(error).rpartition(f"{error.field}: ")[2]
+        if key == "duration_s":
+            option, told = "--frequencies", f"a sine is too slow; for its run {told} s"
+        raise UsageError(f"{option or error.field}: {told}") from error
 
 
 def _search(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 from bisect import bisect_right
 from collections import deque
 from collections.abc import Callable, Iterable, Sequence
@@ -24,10 +25,12 @@ from surefoot.schemas.messages import (
 from surefoot.schemas.reasons import ModeCause
 from surefoot.schemas.settings import ControllerSettings
 from surefoot.schemas.walk_plan import WalkPlan
-from surefoot.stabilizer.controller import Controller, Tunable, Walks
+from surefoot.stabilizer.controller import Controller, Tunable
 from surefoot.stabilizer.factory import make_controller
 from surefoot.stabilizer.requests import SettingsRamp
 from surefoot.stabilizer.safety.safety import Safety
+
+_LOG = logging.getLogger(__name__)
 
 
 class Start(NamedTuple):
@@ -236,7 +239,6 @@ def recompute(
     )
     gains = _Gains(inputs)
     safety: Safety | None = None
-    law: Controller | None = None
     references, plans = _Newest(inputs.references), deque(inputs.plans)
     for index, command in enumerate(commands):
         reading, start = sensors.at(command.tick), session.starts.get(index)
@@ -259,8 +261,8 @@ def recompute(
                 safety.pass_over(snapshot)
         while plans and plans[0].tick <= command.tick:
             plan = plans.popleft()
-            if isinstance(law, Walks):
-                law.follow_plan(plan)
+            if safety is not None:
+                safety.follow_plan(plan)
         if safety is None:
             continue
         stamp_ns = reading.snapshot.stamp_ns
@@ -268,6 +270,8 @@ def recompute(
         outcome.stale += any(reading.ages)
         _compare(command, output.q_command, outcome, inputs.robot)
         on_tick(command.tick)
+    if safety is not None and safety.error is not None:
+        _LOG.error("%s", safety.detail, exc_info=safety.error)
     return outcome
 
 

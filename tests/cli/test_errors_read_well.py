@@ -118,7 +118,23 @@ def test_what_only_the_robot_finds_reads_the_same_from_two_processes(
         (["run", "dancing"], "no scenario named 'dancing'"),
         (["robot", "dancing"], "moving-platform-slow"),
         (["robot", "mine.toml"], "mine.toml: no such scenario file"),
-        ([*STANDING, "--servo-profile", "magic"], "servo.profile: got 'magic'"),
+        ([*STANDING, "--servo-profile", "magic"], "--servo-profile: got 'magic'"),
+        ([*STANDING, "--duration", "nan"], "--duration: got nan, expected a finite"),
+        (
+            [*STANDING, "--duration", "-1"],
+            "--duration: got -1.0, expected a number > 0",
+        ),
+        (
+            [*STANDING, "--duration", "1e12"],
+            "--duration: got 1000000000000.0, expected",
+        ),
+        ([*STANDING, "--duration", "1e-9"], "--duration: got 1e-09 s, expected a tick"),
+        (
+            ["run", "walk-flat-quick", "--inline", "--duration", "0.5"],
+            "--duration: walk.start_s: got",
+        ),
+        ([*STANDING, "--push", "1e15,0,1"], "--push: push[0].force_n[0]: got 1e+16"),
+        ([*STANDING, "--push", "1,0,1e5"], "--push: a push at 100000 s: the run ends"),
         (["robot", "--servo-profile", "magic"], "harmonic, ideal"),
         (["run", "standing", "--controller", "magic"], "whole-body"),
         ([*STANDING, "--settings", "zmp-stok"], "zmp-stock, zmp-tuned"),
@@ -127,6 +143,7 @@ def test_what_only_the_robot_finds_reads_the_same_from_two_processes(
         (["run", "standing", "--connect", "foo"], "cannot dial foo: no protocol"),
         (["run", "standing", "--listen", "foo"], "cannot listen on foo"),
         ([*STANDING, "--realtime"], "--realtime"),
+        ([*STANDING, "--overwrite"], "--overwrite needs --out DIR"),
         ([*STANDING, "--listen", "tcp/127.0.0.1:0"], "--listen"),
         ([*STANDING, "--connect", "tcp/a:1"], "--connect"),
         (["run", "standing", *PRIORITY], "goes with --realtime"),
@@ -172,9 +189,39 @@ def test_a_wrong_file_is_named_with_its_key(
 def test_a_walk_by_numbers_that_are_none_is_refused(
     surefoot_here: Surefoot, option: str, value: str
 ) -> None:
-    done = surefoot_here("walk", f"--{option}={value}")
-    assert done.returncode == 2
-    assert f"Invalid value for '--{option}'" in done.stderr
+    told = complaint(surefoot_here("walk", f"--{option}={value}"), 2)
+    assert f"--{option}: got {value}, expected a finite number" in told
+
+
+@pytest.mark.parametrize(
+    ("words", "expected"),
+    [
+        (
+            ["walk", "--velocity=11"],
+            "--velocity: got 11, expected a finite number from -10",
+        ),
+        (
+            ["walk", "--steps", "0"],
+            "--steps: got 0, expected a whole number of at least 1",
+        ),
+        (["walk", "--steps", "two"], "--steps: got two, expected a whole number"),
+        (
+            [*STANDING, "--view-port", "99999"],
+            "expected a whole number from 0 to 65535",
+        ),
+        ([*STANDING, "--out", ""], "--out: is empty; name a folder"),
+        ([*STANDING, "--out="], "--out: is empty; name a folder"),
+        ([*STANDING, "--settings", " "], "--settings: is empty; name a file"),
+        ([*STANDING, "--robot", ""], "--robot: is empty; name a value"),
+        (["run", ""], "SCENARIO: is empty"),
+        (["sweep", "standing", "", "--out", "x"], "SCENARIOS: is empty"),
+        (["report", ""], "RUN_DIR: is empty; name a folder"),
+    ],
+)
+def test_a_value_that_is_empty_or_out_of_range_is_named_by_its_option(
+    surefoot_here: Surefoot, words: list[str], expected: str
+) -> None:
+    assert expected in complaint(surefoot_here(*words), 2)
 
 
 @pytest.mark.parametrize("command", ["robot", "router", "run"])

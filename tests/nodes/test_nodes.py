@@ -203,6 +203,8 @@ def test_a_stabilizer_at_another_pace_is_told_which_one(endpoints: Endpoints) ->
     with (
         running(robot, endpoints, LONG, Pace.REALTIME),
         running(stabilizer, endpoints, Pace.LOCKSTEP) as controller,
-        pytest.raises(ProcessError, match=r"start it with --realtime"),
+        pytest.raises(
+            ProcessError, match=r"this command in lockstep; give it --realtime"
+        ),
     ):
         controller.result()

@@ -179,3 +179,11 @@ def test_a_host_that_is_none_leaves_nothing_behind(tmp_path: Path, host: str) ->
     with pytest.raises(CertificateError, match="neither an address nor a name"):
         make_certificates(tmp_path / "certs", hosts=[host], days=1)
     assert not (tmp_path / "certs").exists()
+
+
+def test_a_folder_of_something_else_gets_no_private_keys(tmp_path: Path) -> None:
+    (tmp_path / "result.json").write_text("{}")
+    for folder in (tmp_path, tmp_path / "result.json"):
+        with pytest.raises(CertificateError, match="name one"):
+            make_certificates(folder, hosts=[], days=1)
+    assert [path.name for path in tmp_path.iterdir()] == ["result.json"]

@@ -32,6 +32,18 @@ def test_tables_are_merged_and_all_else_replaced(tmp_path: Path) -> None:
     assert mine.file.gate.hold_after_s == walker.file.gate.hold_after_s
 
 
+@pytest.mark.parametrize("name", ["a b/../zz", "..", "", "a\\\\b", "a\\nb", "a" * 101])
+def test_a_name_that_is_no_file_name_is_refused(tmp_path: Path, name: str) -> None:
+    path = tmp_path / "mine.toml"
+    path.write_text(f'extends = "{find_robot("walker")}"\nname = "{name}"\n')
+    with pytest.raises(
+        FileFormatError, match=r"mine.toml: name: got .*, expected ASCII"
+    ):
+        load_robot(path)
+    path.write_text(f'extends = "{find_robot("walker")}"\nname = "G1 v1.2"\n')
+    assert load_robot(path).file.name == "G1 v1.2"
+
+
 def test_only_one_step_and_only_to_a_file_that_is_there(tmp_path: Path) -> None:
     path = tmp_path / "mine.toml"
     path.write_text(f'extends = "{find_robot("walker-real")}"\n')
@@ -39,6 +51,10 @@ def test_only_one_step_and_only_to_a_file_that_is_there(tmp_path: Path) -> None:
         load_robot(str(path))
     path.write_text('extends = "nothing.toml"\n')
     with pytest.raises(FileFormatError, match=r"nothing.toml: no such file"):
+        load_robot(str(path))
+    path.write_text('extends = "walker"\n')
+    written = rf"no such file; .* write its path, {find_robot('walker')}"
+    with pytest.raises(FileFormatError, match=written):
         load_robot(str(path))
 
 
@@ -92,7 +108,7 @@ def test_who_extends_what_cannot_be_is_named(
             "servo.profiles.mine.lagg: no such key; did you mean 'lag_s'",
         ),
         ('[keys]\njoints = "a"\nimu = 3', "keys.imu: got 3, expected a text"),
-        ('name = "\\u0000"', "name: got .*, expected one line"),
+        ('name = "\\u0000"', "name: got .*, expected ASCII"),
     ],
 )
 def test_the_key_of_a_table_is_named(line: str, told: str, tmp_path: Path) -> None:

@@ -55,6 +55,26 @@ class Fails(Stay):
         return self.q
 
 
+class Raises(Stay):
+    """Raises an exception after 0.1 s of motion."""
+
+    ticks = 100
+
+    def step(self, snapshot: Any, reference: Any = None) -> np.ndarray:
+        self.ticks -= 1
+        self.q += 1e-5
+        if self.ticks == 0:
+            raise ValueError("boom")
+        return self.q
+
+
+class RaisesAtStart(Stay):
+    """Raises an exception before its first answer."""
+
+    def start(self, snapshot: Any, q_command: np.ndarray) -> None:
+        raise LookupError("no such\ngain")
+
+
 class NoStep:
     """No controller, since it lacks a step."""
 

@@ -16,6 +16,7 @@ import numpy as np
 import pytest
 
 import surefoot as sf
+from surefoot.measure import check_out
 from surefoot.out_folder import (
     FolderLock,
     OutFolder,
@@ -398,6 +399,12 @@ def test_only_a_file_that_says_who_wrote_it_is_replaced(tmp_path: Path) -> None:
     path.write_text("# Mine.\n# by surefoot identify\n")
     with pytest.raises(sf.UsageError, match="is left as it is"):
         check_replaceable(path, signature="by surefoot identify", overwrite=True)
+
+
+@pytest.mark.skipif(not Path("/proc/self").exists(), reason="no folder without room")
+def test_where_nothing_can_be_written_is_known_before_a_robot_moves() -> None:
+    with pytest.raises(sf.EnvironmentFailedError, match=r"--out /proc/x.toml: cannot"):
+        check_out(sf.load_robot("walker"), Path("/proc/x.toml"), overwrite=False)
 
 
 def test_of_two_that_write_one_name_at_once_one_is_refused(tmp_path: Path) -> None:

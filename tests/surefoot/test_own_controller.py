@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json
+import re
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -75,6 +77,40 @@ def test_a_wrong_name_is_refused_in_words(name: str, told: str) -> None:
         sf.simulate("walker", SCENARIO, controller=name)
 
 
+@pytest.mark.parametrize(
+    ("text", "told"),
+    [
+        ("class X(:", "broken.py, line 1: invalid syntax"),
+        ("1 / 0", r"ZeroDivisionError: division by zero \(broken.py, line 1\)"),
+        ("raise SystemExit(3)", r"SystemExit: 3 \(broken.py, line 1\)"),
+        (
+            "class X:\n    def __init__(self, robot):\n        self.n = robot.joints",
+            r"AttributeError: .* no attribute 'joints' \(broken.py, line 3\)",
+        ),
+    ],
+)
+def test_one_that_does_not_load_is_told_in_words(
+    tmp_path: Path, text: str, told: str
+) -> None:
+    file = tmp_path / "broken.py"
+    file.write_text(text)
+    with pytest.raises(sf.ControllerError, match=f"controller {file}:X: {told}"):
+        sf.simulate("walker", SCENARIO, controller=f"{file}:X")
+
+
+def test_a_missing_package_of_a_controller_is_named(tmp_path: Path) -> None:
+    file = tmp_path / "needs.py"
+    file.write_text("import no_such_package")
+    with pytest.raises(ImportError, match=r"needs.py:X: .*no_such.*needs.py, line 1"):
+        sf.simulate("walker", SCENARIO, controller=f"{file}:X")
+
+
+@pytest.mark.parametrize("run", [sf.simulate, sf.run])
+def test_what_is_no_controller_is_refused(run: Callable[..., sf.Run]) -> None:
+    with pytest.raises(sf.ControllerError, match="got 3, expected a name such as"):
+        run("walker", SCENARIO, controller=3)
+
+
 def test_a_wrong_answer_is_refused_in_words() -> None:
     with pytest.raises(sf.ControllerError, match=r"\(27,\), expected \(28,\)"):
         sf.simulate("walker", SCENARIO, controller=own.TooShort())
@@ -94,6 +130,41 @@ def test_one_that_answers_no_numbers_is_given_up_the_same_way_on_the_bus(
         assert result["refused"] == {"not_finite": 10}
         told.append((result["outcome_detail"], result["log_sha256"]))
     assert told[0] == told[1]
+
+
+@pytest.mark.parametrize(
+    ("kind", "told"),
+    [
+        ("Raises", r"ValueError: boom \(own_controllers.py, line \d+\)"),
+        (
+            "RaisesAtStart",
+            r"LookupError: no such gain \(own_controllers.py, line \d+\)",
+        ),
+        ("TooShort", r"step returned shape \(27,\), expected \(28,\)"),
+    ],
+)
+def test_one_that_raises_is_given_up_the_same_way_on_the_bus(
+    tmp_path: Path, surefoot_here: Surefoot, kind: str, told: str
+) -> None:
+    scenario = scenario_file(tmp_path, 0.6, name="own")
+    words = (scenario, "--json", "--controller", STAY.replace("Stay", kind))
+    inline, bus = tmp_path / "inline", tmp_path / "bus"
+    here = surefoot_here("run", *words, "--inline", "--out", inline)
+    there = run_surefoot("run", *words, "--out", bus)
+    details = []
+    for done, folder in ((here, inline), (there, bus)):
+        assert done.returncode == 1, done.stderr
+        result = json.loads((folder / "result.json").read_text())
+        assert json.loads(done.stdout)["outcome_detail"] == result["outcome_detail"]
+        assert (result["outcome"], result["end"]) == ("held", "controller_failed")
+        assert re.search(told, result["outcome_detail"]), result["outcome_detail"]
+        details.append((result["outcome_detail"], result["log_sha256"]))
+    assert details[0] == details[1]
+    for text in (here.stderr, (bus / "stabilizer.log").read_text()):
+        assert "Traceback" in text
+        assert "own_controllers.py" in text or kind == "TooShort"
+    with pytest.raises((ValueError, LookupError)):
+        sf.simulate("walker", SCENARIO, controller=getattr(own, kind))
 
 
 def test_the_command_line_takes_it_everywhere(

@@ -135,13 +135,16 @@ def test_a_translation_is_as_large_as_the_tilt_it_is_named_by() -> None:
         {"cycles": 2},
         {"cycles": 1_000_000},
         {"speed": 13.0},
+        {"sizes_deg": [4.0, 2.0]},
+        {"sizes_deg": [2.0, 2.0]},
+        {"sizes_deg": [99.0]},
         {"sizes_deg": [-1.0]},
         {"sizes_deg": [math.inf]},
         {"sizes_deg": [math.nan]},
     ],
 )
 def test_what_cannot_be_measured_is_refused(wrong: dict[str, object]) -> None:
-    with pytest.raises(UsageError, match=r"got|twice|speed 13: "):
+    with pytest.raises(UsageError, match=r"^--\w+: (got|.* twice)|^--speed 13: "):
         comtest(**wrong)  # type: ignore[arg-type]
 
 

@@ -66,17 +66,23 @@ def test_a_margin_is_found_kept_and_put_in_proportion(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    "wrong",
+    ("wrong", "told"),
     [
-        {"kinds": ["shove"]},
-        {"frequencies_hz": [0.0]},
-        {"directions_deg": [float("nan")]},
-        {"controllers": ["me"]},
+        ({"kinds": ["shove"]}, "--kinds: got"),
+        ({"frequencies_hz": [0.0]}, "--frequencies: got 0,"),
+        ({"frequencies_hz": [1.0, 600.0]}, "--frequencies: got 600 Hz, expected"),
+        ({"frequencies_hz": [1e-4]}, "--frequencies: a sine is too slow; .* got"),
+        ({"body": "foo"}, "--body: got 'foo', expected one of"),
+        ({"directions_deg": [float("nan")]}, "--directions: got"),
+        ({"controllers": ["me"]}, "me"),
     ],
 )
-def test_what_cannot_be_measured_is_refused(wrong: dict[str, object]) -> None:
-    with pytest.raises(UsageError):
-        dysturbance(**wrong)  # type: ignore[arg-type]
+def test_what_cannot_be_measured_is_refused(
+    tmp_path: Path, wrong: dict[str, object], told: str
+) -> None:
+    with pytest.raises(UsageError, match=told):
+        dysturbance(**wrong, out=tmp_path / "out")  # type: ignore[arg-type]
+    assert not (tmp_path / "out").exists()
 
 
 def test_a_controller_changed_between_rounds_ends_the_bench(tmp_path: Path) -> None:
