@@ -13,7 +13,7 @@ Positive = Annotated[float, msgspec.Meta(gt=0.0)]
 NonNegative = Annotated[float, msgspec.Meta(ge=0.0)]
 Fraction = Annotated[float, msgspec.Meta(ge=0.0, le=1.0)]
 Side = Literal["left", "right"]
-NAME = "[A-Za-z0-9][A-Za-z0-9 ._+-]{0,99}"
+NAME = r"[^\s./\\-][^/\\]{0,99}"
 """Pattern of a robot's name."""
 
 
@@ -132,8 +132,8 @@ class RobotFile(FileStruct, frozen=True, kw_only=True):
     """A robot: geometry in the URDF it names, the rest here."""
 
     name: Annotated[str, msgspec.Meta(extra_json_schema={"pattern": f"^{NAME}$"})]
-    """Name shown to people, and part of file names: letters of ASCII, digits, blanks
-    and ``._+-``, at most 100, a letter or digit first."""
+    """Name shown to people, and part of file names: one line of at most 100
+    characters, no slashes, and no dot, hyphen or blank first."""
     urdf: str
     """Path of the URDF, relative to this file."""
     namespace: str
@@ -164,9 +164,9 @@ class RobotFile(FileStruct, frozen=True, kw_only=True):
 
     def __post_init__(self) -> None:
         """Refuse a name that is not fit for files."""
-        if not re.fullmatch(NAME, self.name):
+        if not (re.fullmatch(NAME, self.name) and self.name.isprintable()):
             raise ValueError(
-                f"at `name`: got {self.name[:60]!r}, expected ASCII letters, "
-                "digits, blanks and ._+-, at most 100, a letter or digit first; it "
-                "becomes part of file names"
+                f"at `name`: got {self.name[:60]!r}, expected one line of at most 100 "
+                "characters, no slashes, and no dot, hyphen or blank first; it becomes "
+                "part of file names"
             )
