@@ -76,7 +76,8 @@ def comtest(
         typer.Option(
             "--sizes",
             metavar="DEG",
-            help="Comma-separated, ascending; 0.5 to 16 when absent. A translation "
+            help="Comma-separated, ascending, 45 at most; 0.5 to 16 when absent. A "
+            "translation "
             "moves the ground as far as that tilt would move a stiff body.",
         ),
     ] = None,

@@ -72,7 +72,7 @@ def run(
         typer.Option(
             "--duration",
             metavar="S",
-            help="Duration of the run; the scenario's when absent.",
+            help="Duration of the run, one tick or more; the scenario's when absent.",
         ),
     ] = None,
     push: Annotated[

@@ -7,6 +7,7 @@ import typer
 from typer.testing import CliRunner
 
 from surefoot.cli.app import app
+from surefoot.stabilizer.factory import shipped_settings
 from tests.command import Surefoot, run_python
 
 HEAVY = {
@@ -125,6 +126,11 @@ def test_no_name_of_an_option_is_cut(columns: int) -> None:
         for line in done.output.splitlines():
             assert len(line) <= columns, words
             assert not re.match(r"\W*-\S*…", line), (words, line)
+
+
+def test_help_names_all_settings_that_are_shipped() -> None:
+    done = CliRunner().invoke(app, ["margins", "--help"], env={"COLUMNS": "400"})
+    assert f"Shipped settings ({', '.join(shipped_settings())})" in done.stdout
 
 
 def test_who_dials_a_robot_can_say_with_which_servo_profile_it_runs() -> None:

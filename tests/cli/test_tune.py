@@ -63,7 +63,7 @@ def test_what_cannot_be_searched_is_a_usage_error_before_anything_runs(
     assert "expected tpe or nsga2" in done.stderr
     done = surefoot_here(*tune(tmp_path, "--held-out-seeds", ""))
     assert done.returncode == 2
-    assert "--held-out-seeds '': expected FROM:TO" in done.stderr
+    assert "--held-out-seeds: is empty; name a value" in done.stderr
     assert not (tmp_path / "out").exists()
 
 
