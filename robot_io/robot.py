@@ -363,11 +363,23 @@ def _read(path: Path) -> tuple[RobotFile, Path]:
         if not isinstance(below, str):
             raise FileFormatError(
                 f"{path}: {EXTENDS}: got {below!r}, expected the path of a robot file, "
-                "relative to this one",
+                "relative to this one, or the name of a shipped robot",
                 field=EXTENDS,
             )
-        table, folder = _extended(path, table, below=path.parent / below)
+        table, folder = _extended(path, table, below=extended_file(path, below))
     return convert(table, RobotFile, source=str(path)), folder
+
+
+def extended_file(path: Path, below: str) -> Path:
+    """Return the robot file that another one names under ``extends``.
+
+    Args:
+        path: the file that extends.
+        below: a path relative to it, or else the name of a shipped robot.
+    """
+    near = path.parent / below
+    is_shipped = not near.exists() and below in list_robots()
+    return find_robot(below) if is_shipped else near
 
 
 def _extended(
@@ -377,12 +389,7 @@ def _extended(
     try:
         base = read_toml(below)
     except FileFormatError as error:
-        hint = ""
-        if not below.exists() and below.name in list_robots():
-            hint = f"; for the shipped robot write its path, {find_robot(below.name)}"
-        raise FileFormatError(
-            f"{path}: {EXTENDS}: {error}{hint}", field=EXTENDS
-        ) from error
+        raise FileFormatError(f"{path}: {EXTENDS}: {error}", field=EXTENDS) from error
     if below.samefile(path):
         raise FileFormatError(
             f"{path}: {EXTENDS}: names this file itself; name the one that it changes",

@@ -250,17 +250,17 @@ class WalkSettings(FileStruct, frozen=True, kw_only=True):
     """Part of the sole in which the ZMP is assumed to answer a DCM error. Over the
     outer edge of the standing foot it is the whole sole [1]."""
     adjust_wait_s: NonNegative = 0.3
-    """Longest extension of single support."""
+    """Longest extension of single support [s]."""
     adjust_pause_m: Positive = 0.05
     """DCM error above which no foot leaves the ground [m]."""
     adjust_pause_s: NonNegative = 0.8
-    """Longest time for which a foot is kept down by that."""
+    """Longest time for which a foot is kept down by that [s]."""
     adjust_rate_m_s: Positive = 2.0
-    """Largest speed at which a step is shifted."""
+    """Largest speed at which a step is shifted [m/s]."""
     adjust_limit_m: tuple[Positive, Positive] = (0.25, 0.20)
     """Largest shift of a step, ahead and sideways [m]."""
     adjust_until_s: NonNegative = 0.05
-    """Time before the planned touchdown within which the step is not shifted again."""
+    """Time before the planned touchdown within which the step stays [s]."""
     cross_ahead_m: NonNegative = 0.42
     """Distance ahead of the standing foot, or behind it, at which the other foot passes
     on a crossing step, so that the legs do not meet. 0, or more than `longest_m`: feet

@@ -18,7 +18,14 @@ from surefoot.out_folder import check_replaceable, make_out_folder, new_file
 from surefoot.robot_io.client_side.observer import Observer
 from surefoot.robot_io.conformance.evidence import Recording
 from surefoot.robot_io.realtime import Pace, StopRequest
-from surefoot.robot_io.robot import EXTENDS, Robot, Tare, load_tare, save_tare
+from surefoot.robot_io.robot import (
+    EXTENDS,
+    Robot,
+    Tare,
+    extended_file,
+    load_tare,
+    save_tare,
+)
 from surefoot.robot_io.snapshot import Snapshot, SnapshotLayout
 from surefoot.schemas.arrays import Array, Vec6
 from surefoot.schemas.endpoints import Endpoints
@@ -385,7 +392,7 @@ def write_profile(
     source = read_toml(robot.path)
     below, table = robot.path, dict[str, Any]()
     if EXTENDS in source:
-        below = robot.path.parent / source.pop(EXTENDS)
+        below = extended_file(robot.path, str(source.pop(EXTENDS)))
         table = source
     start = out.resolve().parent
     table = {EXTENDS: os.path.relpath(below.resolve(), start), **table, "servo": servo}

@@ -21,7 +21,7 @@ from surefoot.errors import UsageError
 from surefoot.installation import this_machine
 from surefoot.recording.write import Attachment, McapFile
 from surefoot.robot_io.realtime import StopRequest, quiet_interpreter
-from surefoot.robot_io.robot import EXTENDS, Robot
+from surefoot.robot_io.robot import EXTENDS, Robot, extended_file
 from surefoot.schemas.toml_file import read_toml
 
 if TYPE_CHECKING:
@@ -153,7 +153,7 @@ def attachments(robot: Robot, files: Iterable[Path]) -> list[Attachment]:
     ]
     below = read_toml(robot.path).get(EXTENDS)
     if below is not None:
-        data = (robot.path.parent / str(below)).read_bytes()
+        data = extended_file(robot.path, str(below)).read_bytes()
         found.append(_attachment(ROBOT_BELOW, data))
     for path in files:
         if path.name in {entry.name for entry in found}:

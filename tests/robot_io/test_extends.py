@@ -6,6 +6,7 @@ from pathlib import Path
 
 import pytest
 
+from surefoot.recording.contents import attachments
 from surefoot.robot_io.robot import find_robot, load_robot
 from surefoot.schemas.errors import FileFormatError
 
@@ -52,10 +53,20 @@ def test_only_one_step_and_only_to_a_file_that_is_there(tmp_path: Path) -> None:
     path.write_text('extends = "nothing.toml"\n')
     with pytest.raises(FileFormatError, match=r"nothing.toml: no such file"):
         load_robot(str(path))
-    path.write_text('extends = "walker"\n')
-    written = rf"no such file; .* write its path, {find_robot('walker')}"
-    with pytest.raises(FileFormatError, match=written):
-        load_robot(str(path))
+
+
+def test_a_shipped_robot_is_extended_by_its_name_but_a_file_there_comes_first(
+    tmp_path: Path,
+) -> None:
+    path, near = tmp_path / "mine.toml", tmp_path / "walker"
+    path.write_text('extends = "walker"\nname = "mine"\n')
+    mine = load_robot(path)
+    assert mine.file.joint == load_robot("walker").file.joint
+    (below,) = (a for a in attachments(mine, []) if a.name == "robot-below.toml")
+    assert below.data == find_robot("walker").read_bytes()
+    near.write_text(f'extends = "{find_robot("walker")}"\n')
+    with pytest.raises(FileFormatError, match="itself extends another"):
+        load_robot(path)
 
 
 def test_a_profile_of_ones_own_stands_beside_those_of_the_file_below(
