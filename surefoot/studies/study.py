@@ -18,6 +18,7 @@ from typing import Any
 
 from surefoot.errors import UsageError
 from surefoot.presentation import CountBar, no_bar
+from surefoot.schemas.errors import FileFormatError
 from surefoot.schemas.scenario import Scenario
 from surefoot.schemas.settings import build_settings, setting_names
 from surefoot.schemas.toml_file import override_texts
@@ -177,7 +178,11 @@ def make_cells(
         if section in SETTINGS_ONLY and path not in known:
             raise UsageError(f"--vary {path}: no such setting{nearest(path, known)}")
         if path in known:
-            build_settings({section: {name: value}}, overrides=[], source="--vary")
+            try:
+                build_settings({section: {name: value}}, overrides=[], source="--vary")
+            except FileFormatError as error:
+                if error.field.startswith(path):  # else other settings may allow it
+                    raise
     variants = [find_variant(name) for name in controllers]
     check_read(varied, {variant.controller for variant in variants}, option="--vary")
     groups = [
@@ -240,8 +245,8 @@ def run_study(
     same = [group.case for group, runs in found.items() if len(runs) > len(set(runs))]
     if same:
         _LOG.warning(
-            "%s: seeds give the same run, to the last bit, and count once in the "
+            "%s%s: seeds give the same run, to the last bit, and count once in the "
             "interval: nothing there depends on a seed; one is enough, or add noise",
-            "; ".join(dict.fromkeys(same)),
+            *(same[0], f" and {len(same) - 1} more" if len(same) > 1 else ""),
         )
     return made
