@@ -45,7 +45,7 @@ class Payload(FileStruct, frozen=True, kw_only=True):
 
     link: str
     """Link of the URDF."""
-    mass_kg: Annotated[float, msgspec.Meta(gt=0.0, le=1000.0)]
+    mass_kg: Positive
     """Mass, as a ball of twice the density of water."""
     offset_m: Near3 = msgspec.field(default_factory=lambda: [0.0, 0.0, 0.0])
     """Middle of the ball in the link's frame, up to 3 m off along each axis."""

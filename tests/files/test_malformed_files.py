@@ -134,7 +134,7 @@ def test_endpoint_files(count: int, tmp_path: Path) -> None:
         endpoints = load_endpoints(path)
         for role in Role:
             try:
-                session._check(endpoints, role)
+                session.check_endpoints(endpoints, role)
             except LocatorError as error:  # which names locators, wherever from
                 raise LocatorError(f"{path}: {error}") from error
             config = session_config(endpoints, role, namespace="a", timeout_s=1.0)

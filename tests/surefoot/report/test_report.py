@@ -299,7 +299,7 @@ def test_one_page_about_two_runs(tmp_path_factory: pytest.TempPathFactory) -> No
 @pytest.mark.parametrize(
     ("file", "words"),
     [
-        ("ticks.mcap", "kept no ticks"),
+        ("ticks.mcap", "before it kept a tick"),
         ("result.json", "was cut off"),
         ("run.json", "not the folder of a run"),
     ],
