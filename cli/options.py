@@ -70,7 +70,7 @@ def complete_robot(incomplete: str) -> list[str]:
 
 def complete_controller(incomplete: str) -> list[str]:
     """Return shipped and installed controllers that begin like this."""
-    from surefoot.stabilizer.factory import list_controllers
+    from surefoot.stabilizer.foreign import list_controllers
 
     return [name for name in list_controllers() if name.startswith(incomplete)]
 

@@ -1,4 +1,4 @@
-"""Finds scenarios: shipped ones by name, others by path."""
+"""Scenarios: shipped ones by name, others by path, and their errors."""
 
 from __future__ import annotations
 
@@ -9,9 +9,34 @@ from pathlib import Path
 from surefoot.schemas import scenario as scenario_file
 from surefoot.schemas.scenario import Scenario
 from surefoot.schemas.toml_file import find_toml
-from surefoot.sim_robot.errors import ScenarioError
 
 SCENARIOS_DIR = Path(__file__).parent / "scenarios"
+
+
+class SimulationError(RuntimeError):
+    """The simulated robot cannot do what was requested."""
+
+
+class ScenarioError(SimulationError, ValueError):
+    """A scenario requests something that this robot or simulation cannot do.
+
+    Attributes:
+        field: path of the offending key, such as ``push[0].body``.
+    """
+
+    def __init__(self, message: str, *, field: str = "") -> None:
+        """Keep the path of the offending key beside the message."""
+        super().__init__(message)
+        self.field = field
+
+
+@contextmanager
+def within(path: str) -> Iterator[None]:
+    """Put a path before the key of a :class:`ScenarioError` raised inside."""
+    try:
+        yield
+    except ScenarioError as error:
+        raise ScenarioError(f"{path}.{error}", field=f"{path}.{error.field}") from error
 
 
 def list_scenarios() -> list[str]:

@@ -7,7 +7,7 @@ from collections.abc import Callable
 import numpy as np
 
 from surefoot.schemas.arrays import Array
-from surefoot.sim_robot.errors import ScenarioError
+from surefoot.sim_robot.catalogue import ScenarioError
 
 _FROM_WXYZ = np.array([1, 2, 3, 0])
 _FROM_XYZW = np.array([3, 0, 1, 2])

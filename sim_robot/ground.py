@@ -17,8 +17,8 @@ from surefoot.robot_io.robot import Robot
 from surefoot.schemas.arrays import Array, Vec3
 from surefoot.schemas.motions import Axis, Motion
 from surefoot.schemas.scenario import Scenario
+from surefoot.sim_robot.catalogue import within
 from surefoot.sim_robot.conventions import SIM_STEP_S, MotionLaw
-from surefoot.sim_robot.errors import within
 from surefoot.sim_robot.motion import motion_law
 from surefoot.sim_robot.robot_spec import Stance
 

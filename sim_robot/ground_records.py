@@ -13,7 +13,7 @@ import numpy as np
 
 from surefoot.schemas.arrays import Array
 from surefoot.schemas.motions import Quantity, RecordedMotion
-from surefoot.sim_robot.errors import ScenarioError
+from surefoot.sim_robot.catalogue import ScenarioError
 from surefoot.sim_robot.record_values import Numbers, bad_key, is_number, read_mcap
 
 _PEER: dict[str, tuple[Quantity, str]] = {

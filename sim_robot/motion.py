@@ -22,8 +22,8 @@ from surefoot.schemas.motions import (
     SineMotion,
     SpectrumMotion,
 )
+from surefoot.sim_robot.catalogue import ScenarioError
 from surefoot.sim_robot.conventions import FASTEST_HZ, MotionLaw
-from surefoot.sim_robot.errors import ScenarioError
 from surefoot.sim_robot.recorded import recorded_law
 
 STATES = 80

@@ -21,8 +21,8 @@ from surefoot.schemas.arrays import Array, Vec3
 from surefoot.schemas.messages import PushRequest
 from surefoot.schemas.robot_file import ServoProfile
 from surefoot.schemas.scenario import Scenario
+from surefoot.sim_robot.catalogue import SimulationError
 from surefoot.sim_robot.conventions import SIM_STEP_S, whole_ticks
-from surefoot.sim_robot.errors import CommandError
 from surefoot.sim_robot.ground import Ground
 from surefoot.sim_robot.metrics import Fall, FallDetector
 from surefoot.sim_robot.pushes import CaptureLimit, Pushes, RodAtWork
@@ -30,6 +30,10 @@ from surefoot.sim_robot.robot_spec import LEVEL_RAD, Stance, per_joint
 from surefoot.sim_robot.sensors import SensorSuite
 from surefoot.sim_robot.state_view import PlantTruth, PlantView
 from surefoot.sim_robot.world import Grasps, World, build_world, renew
+
+
+class CommandError(SimulationError, ValueError):
+    """A command has the wrong size, or answers a tick that is not open."""
 
 
 class Servos:

@@ -17,8 +17,8 @@ from surefoot.schemas.motions import RampMotion, SineMotion
 from surefoot.schemas.scenario import Push
 from surefoot.schemas.scenario_robot import DisplacementRod, ForceRod, Rod, StrikeRod
 from surefoot.schemas.validation import nearest
+from surefoot.sim_robot.catalogue import ScenarioError, within
 from surefoot.sim_robot.conventions import SIM_STEP_S, MotionLaw
-from surefoot.sim_robot.errors import ScenarioError, within
 from surefoot.sim_robot.motion import motion_law
 from surefoot.sim_robot.world import World
 

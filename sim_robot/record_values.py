@@ -17,7 +17,7 @@ from mcap.records import Channel, Schema
 from mcap.stream_reader import StreamReader
 
 from surefoot.schemas.arrays import Array
-from surefoot.sim_robot.errors import ScenarioError
+from surefoot.sim_robot.catalogue import ScenarioError
 
 SIMULATED = "simulated"
 """Begins the metadata ``log_time`` of channels whose log times are simulated ones."""

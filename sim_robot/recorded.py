@@ -14,8 +14,8 @@ from surefoot.schemas.arrays import Array
 from surefoot.schemas.motions import Quantity, RecordedMotion
 from surefoot.schemas.result import RecordedGround
 from surefoot.schemas.scenario import Scenario
+from surefoot.sim_robot.catalogue import ScenarioError, within
 from surefoot.sim_robot.conventions import FASTEST_HZ, SIM_STEP_S, MotionLaw
-from surefoot.sim_robot.errors import ScenarioError, within
 from surefoot.sim_robot.ground_records import GroundRecord, read_record
 
 LARGEST = 1000.0

@@ -16,8 +16,8 @@ from numpy.typing import NDArray
 from surefoot.robot_io.robot import Robot
 from surefoot.schemas.arrays import Array, Vec3
 from surefoot.schemas.scenario import Scenario
+from surefoot.sim_robot.catalogue import SimulationError
 from surefoot.sim_robot.conventions import wxyz
-from surefoot.sim_robot.errors import RenderError
 from surefoot.sim_robot.ground import Ground, PlatformPlan
 from surefoot.sim_robot.still_ground import FLOOR_Z_M
 from surefoot.sim_robot.world import build_world
@@ -35,6 +35,10 @@ _NO_GL = (
     "starts; on Debian: apt-get install libegl1 libgl1-mesa-dri (or libosmesa6)"
 )
 SIZE = 16
+
+
+class RenderError(SimulationError):
+    """No picture can be drawn here; the message says what to install or set."""
 
 
 @dataclass(frozen=True)

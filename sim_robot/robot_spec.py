@@ -23,7 +23,7 @@ from surefoot.schemas.scenario import Scenario
 from surefoot.schemas.scenario_robot import Start
 from surefoot.schemas.sensors import of_kind
 from surefoot.schemas.validation import nearest
-from surefoot.sim_robot.errors import ScenarioError
+from surefoot.sim_robot.catalogue import ScenarioError
 
 SOLE_HALF_THICKNESS_M = 0.015
 EVEN_M = 1e-3

@@ -16,8 +16,8 @@ from surefoot.schemas.scenario import AXES, SensorFault
 from surefoot.schemas.scenario_robot import Delay, Sensors
 from surefoot.schemas.sensors import SENSORS, Sensor, sensor
 from surefoot.schemas.validation import nearest_or_all
+from surefoot.sim_robot.catalogue import ScenarioError
 from surefoot.sim_robot.conventions import whole_ticks
-from surefoot.sim_robot.errors import ScenarioError
 
 IMPOSSIBLE = 1e6
 """Value that no sensor can measure, in any unit."""

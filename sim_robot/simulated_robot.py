@@ -13,8 +13,8 @@ from surefoot.schemas.messages import PushEvent, PushRequest
 from surefoot.schemas.reasons import ModeCause, RequestRefusal
 from surefoot.schemas.result import COMMANDED, Distribution, ModeReport, PlantResult
 from surefoot.schemas.scenario import Scenario
+from surefoot.sim_robot.catalogue import ScenarioError
 from surefoot.sim_robot.conventions import check_duration, whole_ticks
-from surefoot.sim_robot.errors import CommandError, ScenarioError
 from surefoot.sim_robot.metrics import (
     Fall,
     PlantMetrics,
@@ -22,7 +22,7 @@ from surefoot.sim_robot.metrics import (
     RunDigest,
     WalkMetrics,
 )
-from surefoot.sim_robot.plant import Plant
+from surefoot.sim_robot.plant import CommandError, Plant
 from surefoot.sim_robot.recorded import recorded_ground
 from surefoot.sim_robot.sensor_lines import SensorFaults
 from surefoot.sim_robot.state_view import PlantTruth

@@ -17,8 +17,8 @@ from surefoot.schemas.robot_file import Foot
 from surefoot.schemas.scenario import Scenario
 from surefoot.schemas.scenario_robot import Payload
 from surefoot.schemas.validation import nearest
+from surefoot.sim_robot.catalogue import ScenarioError
 from surefoot.sim_robot.conventions import SIM_STEP_S
-from surefoot.sim_robot.errors import ScenarioError
 from surefoot.sim_robot.ground import PlatformPlan, add_platform, plan_platforms
 from surefoot.sim_robot.robot_spec import (
     ANKLES,

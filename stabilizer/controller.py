@@ -1,18 +1,14 @@
-"""Controller protocol, base class of both controllers, and adapter for foreign ones.
+"""Controller protocol, and the base class of both shipped controllers.
 
 Data flow: snapshot -> :class:`Controller` -> joint positions. Safety wraps it.
 """
 
 from __future__ import annotations
 
-import importlib
-import inspect
-import traceback
 from abc import ABC, abstractmethod
 from collections.abc import Callable
 from dataclasses import dataclass
-from pathlib import Path
-from typing import TYPE_CHECKING, Any, Protocol, runtime_checkable
+from typing import TYPE_CHECKING, Protocol, runtime_checkable
 
 import numpy as np
 
@@ -28,9 +24,8 @@ if TYPE_CHECKING:
     from surefoot.stabilizer.estimation.observer import ObservedState, Observer
     from surefoot.stabilizer.walking.feet import WalkState
 
-OPTIONAL = ("pass_over", "retune", "degrade", "undo_overload")
-"""Optional methods, of :class:`PassesOver`, :class:`Tunable` and :class:`Degradable`,
-used if present."""
+CONTROLLERS = ("whole-body", "zmp", "hold")
+"""Names of the shipped controllers."""
 CATCH_UP = 0.5
 """Motion of missed ticks that is made up for in one tick [ticks]: more at once would
 jerk a robot whose drives follow at once."""
@@ -41,30 +36,6 @@ to go."""
 
 class ControllerError(ValueError):
     """A controller cannot be found or made, or breaks the controller protocol."""
-
-
-_CALLERS = ("<", str(Path(__file__).parents[1]), str(Path(importlib.__file__).parent))
-"""Beginnings of files that call a user's code: frozen, the library's, importlib's."""
-_LONGEST_TEXT = 200
-
-
-def told_of(error: BaseException) -> str:
-    """Return an exception of a user's code on one line: class, message and place.
-
-    The place is the deepest line of the file in which the user's code began.
-    """
-    if isinstance(error, ControllerError):
-        return str(error)
-    if isinstance(error, SyntaxError):
-        file = Path(error.filename or "").name
-        return f"{file}, line {error.lineno}: {error.msg}"
-    message = " ".join(str(error).split())[:_LONGEST_TEXT]
-    text = f"{type(error).__name__}: {message}" if message else type(error).__name__
-    frames = traceback.extract_tb(error.__traceback__)
-    files = [frame.filename for frame in frames]
-    begun = next((f for f in files if not f.startswith(_CALLERS)), files[-1])
-    lines = [frame.lineno for frame in frames if frame.filename == begun]
-    return f"{text} ({Path(begun).name}, line {lines[-1]})"
 
 
 @dataclass(slots=True)
@@ -183,6 +154,38 @@ class Walks(Protocol):
         Args:
             plan: the newest plan; its steps replace those that have not begun.
         """
+
+
+@runtime_checkable
+class Degradable(Protocol):
+    """A controller that can go on without ankle sensors."""
+
+    def degrade(self, lost: tuple[bool, bool]) -> None:
+        """Leave out the readings of lost sensors.
+
+        Args:
+            lost: whether left and right ankle sensor are lost.
+        """
+
+    def undo_overload(
+        self, q_command: Array, *, ticks: int, sides: tuple[bool, bool]
+    ) -> None:
+        """Return to the command from before a period of false forces.
+
+        Args:
+            q_command: (n_a,) the command before that period, bus order [rad].
+            ticks: length of the period; the return takes as long.
+            sides: whether the forces of left and right foot were false.
+        """
+
+
+@runtime_checkable
+class Doubts(Protocol):
+    """A controller that compares the readings of a robot at rest."""
+
+    @property
+    def doubt(self) -> str:
+        """Why the IMU cannot be right, in words; empty while it can."""
 
 
 class BalanceController(ABC):
@@ -331,86 +334,3 @@ class HoldController:
         """Answer one tick with the posture it started from."""
         del snapshot, reference
         return self._output
-
-
-class ForeignController:
-    """Wraps any object with ``start(snapshot, q_command)`` and ``step(snapshot, ...)``.
-
-    ``step`` may return a bare array of joint positions or a :class:`ControllerOutput`.
-    It may have no parameter for the reference.
-
-    Attributes:
-        name: as reported on status.
-        inner: the object itself.
-        failure: always None; a foreign controller keeps its own failures.
-    """
-
-    def __init__(self, inner: Any, *, n_a: int, name: str | None = None) -> None:
-        """Check that the object has what a controller needs.
-
-        Raises:
-            ControllerError: a method is missing.
-        """
-        kind = type(inner).__name__
-        missing = [m for m in ("start", "step") if not callable(getattr(inner, m, 0))]
-        if missing:
-            raise ControllerError(
-                f"controller {name or kind}: {kind} has no {' and no '.join(missing)}; "
-                "expected start(snapshot, q_command) and step(snapshot, reference)"
-            )
-        self.inner = inner
-        self.name = name or str(getattr(inner, "name", kind))
-        self.failure: QpData | None = None
-        self._n_a = n_a
-        self._takes_reference = _takes_two(inner.step)
-        self._output = ControllerOutput(np.zeros(n_a))
-        for method in OPTIONAL:
-            if callable(getattr(inner, method, None)):
-                setattr(self, method, getattr(inner, method))
-
-    def start(self, snapshot: Snapshot, q_command: np.ndarray) -> None:
-        """Begin on a robot that stands still; see :meth:`Controller.start`."""
-        self.inner.start(snapshot, q_command)
-
-    def step(
-        self, snapshot: Snapshot, reference: Reference | None = None
-    ) -> ControllerOutput:
-        """Answer one tick.
-
-        Raises:
-            ControllerError: the answer is not one number per joint.
-        """
-        answer = (
-            self.inner.step(snapshot, reference)
-            if self._takes_reference
-            else self.inner.step(snapshot)
-        )
-        if isinstance(answer, ControllerOutput):
-            self._check(answer.q_command)
-            return answer
-        try:
-            q_command = np.asarray(answer, dtype=np.float64)
-        except (TypeError, ValueError):
-            q_command = np.zeros(0)
-        self._check(q_command, answer)
-        self._output.q_command = q_command
-        return self._output
-
-    def _check(self, q_command: np.ndarray, answer: object = None) -> None:
-        if q_command.shape != (self._n_a,):
-            got = f"shape {q_command.shape}" if q_command.size else repr(answer)[:60]
-            raise ControllerError(
-                f"controller {self.name}: step returned {got}, expected "
-                f"({self._n_a},): one position per joint of the robot file [rad]"
-            )
-
-
-def _takes_two(step: Any) -> bool:
-    """Return whether a method can be called with snapshot and reference."""
-    try:
-        inspect.signature(step).bind(None, None)
-    except TypeError:
-        return False
-    except ValueError:
-        return True
-    return True

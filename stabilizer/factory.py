@@ -2,40 +2,27 @@
 
 from __future__ import annotations
 
-import hashlib
-import importlib
-import importlib.util
-import inspect
-import sys
-from collections.abc import Callable, Collection, Iterable, Iterator
-from contextlib import contextmanager
-from importlib.metadata import entry_points
+from collections.abc import Collection, Iterable
 from pathlib import Path
-from types import ModuleType
-from typing import Any
 
 import numpy as np
 
 from surefoot.robot_io.robot import Robot
-from surefoot.schemas.errors import FileFormatError, SchemaError
+from surefoot.schemas.errors import FileFormatError
 from surefoot.schemas.law_settings import DikSettings
 from surefoot.schemas.settings import (
     ControllerSettings,
     EstimatorSettings,
     setting_names,
 )
-from surefoot.schemas.validation import nearest
-from surefoot.stabilizer.controller import (
-    Controller,
-    ControllerError,
-    ForeignController,
-    told_of,
+from surefoot.stabilizer.controller import CONTROLLERS, Controller
+from surefoot.stabilizer.foreign import (
+    ControllerMaker,
+    find_target,
+    maker_of,
+    takes,
 )
 
-CONTROLLERS = ("whole-body", "zmp", "hold")
-"""Names of the shipped controllers."""
-ENTRY_POINTS = "surefoot.controllers"
-"""Entry-point group in which other packages offer controllers by name."""
 _EVERYBODY = ("safety", "estimator.calibration_s")
 """Settings used by the loop around any controller: sections, or settings of one."""
 _READ = {
@@ -147,7 +134,7 @@ def read_settings(controller: str) -> set[str]:
     Raises:
         ControllerError: there is no such controller.
     """
-    if controller not in CONTROLLERS and _takes(find_target(controller)) > 1:
+    if controller not in CONTROLLERS and takes(find_target(controller)) > 1:
         return set(setting_names())
     read = (*_EVERYBODY, *_READ.get(controller, _OF_OTHERS))
     return {
@@ -213,9 +200,6 @@ def check_one_read(names: Collection[str], controller: str, *, source: str) -> N
 
 PRESETS_DIR = Path(__file__).parent / "presets"
 
-ControllerMaker = Callable[[Robot, ControllerSettings], Controller]
-"""Makes a new controller, ready to be started once."""
-
 
 def make_controller(
     name: str, robot: Robot, settings: ControllerSettings
@@ -226,12 +210,6 @@ def make_controller(
         ControllerError: there is no such controller, or it cannot be made.
     """
     return find_controller(name)(robot, settings)
-
-
-def list_controllers() -> list[str]:
-    """Return the names of all controllers: shipped ones and installed entry points."""
-    installed = {entry.name for entry in entry_points(group=ENTRY_POINTS)}
-    return [*CONTROLLERS, *sorted(installed - set(CONTROLLERS))]
 
 
 def find_controller(name: str) -> ControllerMaker:
@@ -254,41 +232,6 @@ def find_controller(name: str) -> ControllerMaker:
     return maker_of(name, find_target(name))
 
 
-def find_target(name: str) -> Any:
-    """Find the class, or another maker, of a foreign controller.
-
-    Raises:
-        ControllerError: there is no such controller, or its module does not load.
-        ImportError: a package that it imports is missing.
-    """
-    if not isinstance(name, str):
-        raise ControllerError(
-            f"controller: got {name!r}, expected a name such as 'whole-body', or "
-            "'path/to/file.py:Class'"
-        )
-    place, colon, attribute = name.rpartition(":")
-    if colon:
-        with _blamed(name):
-            module = _module(place)
-        target = getattr(module, attribute, None)
-        if target is None:
-            offered = [n for n, value in vars(module).items() if inspect.isclass(value)]
-            raise ControllerError(
-                f"controller {name!r}: {place} has no {attribute!r}"
-                f"{nearest(attribute, offered)}"
-            )
-        return target
-    for entry in entry_points(group=ENTRY_POINTS):
-        if entry.name == name:
-            with _blamed(name):
-                return entry.load()
-    known = list_controllers()
-    raise ControllerError(
-        f"controller: got {name!r}{nearest(name, known)}; expected one of "
-        f"{', '.join(known)}, package.module:Class or path/to/file.py:Class"
-    )
-
-
 def check_controller(name: str) -> None:
     """Refuse an unknown name, without loading the shipped controllers.
 
@@ -297,21 +240,6 @@ def check_controller(name: str) -> None:
     """
     if name not in CONTROLLERS:
         find_controller(name)
-
-
-def adapt(controller: Any, robot: Robot, *, name: str | None = None) -> Controller:
-    """Adapt an object with ``start`` and ``step`` to the controller protocol.
-
-    A shipped controller is returned unchanged.
-
-    Raises:
-        ControllerError: the object has no ``start`` or ``step``.
-    """
-    is_ours = type(controller).__module__.startswith("surefoot.stabilizer.")
-    if isinstance(controller, ForeignController) or is_ours:
-        ours: Controller = controller
-        return ours
-    return ForeignController(controller, n_a=robot.n_a, name=name)
 
 
 def _shipped(name: str) -> ControllerMaker:
@@ -327,103 +255,6 @@ def _shipped(name: str) -> ControllerMaker:
     from surefoot.stabilizer.controller import HoldController
 
     return lambda robot, settings: HoldController(robot.n_a)
-
-
-def maker_of(name: str, target: Any) -> ControllerMaker:
-    """Return a maker from a class or a function of robot and settings.
-
-    Raises:
-        ControllerError: it cannot be called.
-    """
-    if not callable(target):
-        raise ControllerError(
-            f"controller {name!r}: got {type(target).__name__}, expected a class with "
-            "start(snapshot, q_command) and step(snapshot, reference)"
-        )
-    takes = _takes(target)
-
-    def make(robot: Robot, settings: ControllerSettings) -> Controller:
-        with _blamed(name):
-            made = target(*(robot, settings)[:takes])
-        return adapt(made, robot, name=name)
-
-    return make
-
-
-@contextmanager
-def _blamed(name: str) -> Iterator[None]:
-    """Name the controller, and where it failed, in any error of its own code.
-
-    A missing package stays an ImportError: this machine lacks it.
-    """
-    try:
-        yield
-    except (ControllerError, SchemaError):
-        raise
-    except ModuleNotFoundError as error:
-        raise ModuleNotFoundError(
-            f"controller {name}: {told_of(error)}", name=error.name
-        ) from error
-    except (Exception, SystemExit) as error:
-        raise ControllerError(f"controller {name}: {told_of(error)}") from error
-
-
-def _takes(target: Any) -> int:
-    """Return how many of robot and settings a maker takes."""
-    try:
-        parameters = inspect.signature(target).parameters.values()
-    except (TypeError, ValueError):  # not callable, or does not tell
-        return 2
-    kinds = [parameter.kind for parameter in parameters]
-    if inspect.Parameter.VAR_POSITIONAL in kinds:
-        return 2
-    last = inspect.Parameter.POSITIONAL_OR_KEYWORD  # after those without a keyword
-    return min(2, sum(kind <= last for kind in kinds))
-
-
-def _module(place: str) -> ModuleType:
-    if place.endswith(".py"):
-        return _module_of_file(Path(place))
-    try:
-        return importlib.import_module(place)
-    except ModuleNotFoundError as error:
-        missing = error.name or ""
-        if place != missing and not place.startswith(f"{missing}."):
-            raise  # found, but something it imports is missing
-        raise ControllerError(
-            f"controller: no module {place!r}; name a module that Python finds, or a "
-            "file: path/to/file.py:Class"
-        ) from error
-
-
-def _module_of_file(path: Path) -> ModuleType:
-    """Return the module of a file, loaded once per process and findable for pickle.
-
-    A module that is imported already is reused: loaded twice it would have two classes.
-    """
-    if not path.is_file():
-        raise ControllerError(
-            f"controller: {path}: no such file; expected path/to/file.py:Class"
-        )
-    whole = path.resolve()
-    for name, module in list(sys.modules.items()):
-        file = str(vars(module).get("__file__"))
-        is_it = file.endswith(whole.name) and Path(file).resolve() == whole
-        if is_it and name != "__main__":
-            return module
-    digest = hashlib.sha256(str(whole).encode()).hexdigest()[:8]
-    name = f"surefoot_controller_{whole.stem}_{digest}"
-    spec = importlib.util.spec_from_file_location(name, whole)
-    assert spec is not None
-    assert spec.loader is not None
-    module = importlib.util.module_from_spec(spec)
-    sys.modules[name] = module
-    try:
-        spec.loader.exec_module(module)
-    except BaseException:
-        del sys.modules[name]
-        raise
-    return module
 
 
 def shipped_settings() -> list[str]:

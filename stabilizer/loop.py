@@ -141,7 +141,7 @@ class Loop:
         """Let the next snapshot start this new controller."""
         self._safety, self._is_started = safety, False
         self._losses_told = 0
-        self._requests.serve_controller(safety.controller)
+        self._requests.serve_controller(safety)
 
     def _has_left(self, stop: StopRequest) -> bool:
         """Fade the commands out; return whether nothing more is to be waited for."""

@@ -26,7 +26,7 @@ from surefoot.schemas.reasons import RequestRefusal
 from surefoot.schemas.settings import ControllerSettings, setting_of
 from surefoot.schemas.toml_file import convert
 from surefoot.schemas.validation import nearest
-from surefoot.stabilizer.controller import Controller, Tunable
+from surefoot.stabilizer.safety.safety import Safety
 
 RAMP_S = 0.5
 """Length of a ramp: a jump of a gain would make the acceleration jump [s]."""
@@ -214,8 +214,8 @@ class RequestHandler:
         """Answer the requests of a connection."""
         self.holding = ""
         self.q_held: Array | None = None
-        self._client, self._name = client, ""
-        self._tunable: Tunable | None = None
+        self._client = client
+        self._safety: Safety | None = None
         self._ramp = SettingsRamp(settings, period_s=period_s)
         self._renew_at_s = 0.0
 
@@ -224,10 +224,9 @@ class RequestHandler:
         """Settings at this tick, with all requested changes so far."""
         return self._ramp.settings
 
-    def serve_controller(self, controller: Controller) -> None:
-        """Give new gains to this controller from now on, if it takes any."""
-        self._name = controller.name
-        self._tunable = controller if isinstance(controller, Tunable) else None
+    def serve_controller(self, safety: Safety) -> None:
+        """Give new gains to this watched controller from now on, if it takes any."""
+        self._safety = safety
 
     def move_to(self, client: RobotClient) -> None:
         """Keep the present settings, and serve another connection."""
@@ -249,8 +248,8 @@ class RequestHandler:
                 self._control(asked, asked.request, tick)
         if self._ramp.is_moving and not self.holding:
             settings = self._ramp.advance()
-            if settings is not None and self._tunable is not None:
-                self._tunable.retune(settings)
+            if settings is not None and self._safety is not None:
+                self._safety.retune(settings)
 
     def keep_lease(self) -> None:
         """Renew the lease while holding.
@@ -266,9 +265,11 @@ class RequestHandler:
 
     def _change(self, asked: Asked, request: SettingsRequest, tick: int) -> None:
         ramp = self._ramp
-        if self._tunable is None:
+        safety = self._safety
+        if safety is None or not safety.is_tunable:
             if request.changes:
-                why = f"the controller {self._name} takes no settings while it runs"
+                name = safety.controller.name if safety is not None else ""
+                why = f"the controller {name} takes no settings while it runs"
                 asked.reply(
                     tick=tick,
                     settings={},

@@ -46,9 +46,8 @@ _HOMES = {
         *("PrtsMotion", "SpectrumMotion", "RecordedMotion"),
     ),
     "schemas.settings": ("ControllerSettings",),
-    "sim_robot.catalogue": ("list_scenarios", "load_scenario"),
-    "sim_robot.errors": ("ScenarioError",),
-    "stabilizer.factory": ("list_controllers",),
+    "sim_robot.catalogue": ("ScenarioError", "list_scenarios", "load_scenario"),
+    "stabilizer.foreign": ("list_controllers",),
     "stabilizer.controller": ("Controller", "ControllerError", "ControllerOutput"),
     "errors": (
         *("SurefootError", "UsageError", "EnvironmentFailedError"),
@@ -142,16 +141,16 @@ if TYPE_CHECKING:
     from surefoot.schemas.settings import ControllerSettings as ControllerSettings
     from surefoot.signals import Signals as Signals
     from surefoot.signals import read_signals as read_signals
+    from surefoot.sim_robot.catalogue import ScenarioError as ScenarioError
     from surefoot.sim_robot.catalogue import list_scenarios as list_scenarios
     from surefoot.sim_robot.catalogue import load_scenario as load_scenario
-    from surefoot.sim_robot.errors import ScenarioError as ScenarioError
     from surefoot.simulation import Simulation as Simulation
     from surefoot.stabilizer.controller import Controller as Controller
     from surefoot.stabilizer.controller import ControllerError as ControllerError
     from surefoot.stabilizer.controller import (
         ControllerOutput as ControllerOutput,
     )
-    from surefoot.stabilizer.factory import list_controllers as list_controllers
+    from surefoot.stabilizer.foreign import list_controllers as list_controllers
     from surefoot.stabilizer.margins.margins import AxisMargin as AxisMargin
     from surefoot.stabilizer.margins.margins import LoopMargins as LoopMargins
     from surefoot.studies.study import Study as Study

@@ -124,7 +124,7 @@ def exit_code_of(error: BaseException) -> ExitCode | None:
         TickFileError,
     )
     from surefoot.schemas.errors import SchemaError
-    from surefoot.sim_robot.errors import ScenarioError, SimulationError
+    from surefoot.sim_robot.catalogue import ScenarioError, SimulationError
     from surefoot.stabilizer.controller import ControllerError
 
     if isinstance(error, ChildFailedError):

@@ -28,12 +28,8 @@ from surefoot.schemas.result import RunResult
 from surefoot.schemas.scenario import Scenario
 from surefoot.signals import Signals, TickSinks, file_sinks, memory_sinks, read_signals
 from surefoot.stabilizer.controller import ControllerError
-from surefoot.stabilizer.factory import (
-    check_controller,
-    check_read,
-    make_controller,
-    maker_of,
-)
+from surefoot.stabilizer.factory import check_controller, check_read, make_controller
+from surefoot.stabilizer.foreign import maker_of
 
 if TYPE_CHECKING:
     from surefoot.schemas.endpoints import Endpoints

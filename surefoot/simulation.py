@@ -35,7 +35,7 @@ from surefoot.sim_robot.catalogue import naming_scenario
 from surefoot.sim_robot.simulated_robot import SimulatedRobot
 from surefoot.sim_robot.state_view import PlantTruth
 from surefoot.stabilizer.controller import ControllerOutput
-from surefoot.stabilizer.factory import adapt
+from surefoot.stabilizer.foreign import adapt
 from surefoot.stabilizer.loop import told_end
 from surefoot.stabilizer.qp import save_failure
 from surefoot.stabilizer.safety.safety import Safety

@@ -7,8 +7,9 @@ a healthy run the controller's answers pass through unchanged.
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import replace
-from typing import Protocol, runtime_checkable
 
 import numpy as np
 
@@ -18,16 +19,19 @@ from surefoot.schemas.arrays import Array
 from surefoot.schemas.messages import Reference
 from surefoot.schemas.reasons import EndReason, SensorTrouble, StabilizerState
 from surefoot.schemas.sensors import SENSORS
-from surefoot.schemas.settings import SafetySettings
+from surefoot.schemas.settings import ControllerSettings, SafetySettings
 from surefoot.schemas.walk_plan import WalkPlan
 from surefoot.stabilizer.controller import (
     Controller,
     ControllerOutput,
+    Degradable,
+    Doubts,
     PassesOver,
+    Tunable,
     Walks,
-    told_of,
 )
 from surefoot.stabilizer.estimation.wrenches import ForceOffsets, VirtualWrenches
+from surefoot.stabilizer.foreign import told_of
 from surefoot.stabilizer.model import RobotModel
 from surefoot.stabilizer.safety.consistency import SoleCheck, TurnCheck, up_in_unit
 from surefoot.stabilizer.safety.health import (
@@ -43,38 +47,6 @@ MISSED_MEMORY_S = 0.5
 MOST_MISSED = 0.25
 """Missed ticks for each answer up to which they are taken in. A machine that misses
 more needs all of its time for answers."""
-
-
-@runtime_checkable
-class Degradable(Protocol):
-    """A controller that can go on without ankle sensors."""
-
-    def degrade(self, lost: tuple[bool, bool]) -> None:
-        """Leave out the readings of lost sensors.
-
-        Args:
-            lost: whether left and right ankle sensor are lost.
-        """
-
-    def undo_overload(
-        self, q_command: Array, *, ticks: int, sides: tuple[bool, bool]
-    ) -> None:
-        """Return to the command from before a period of false forces.
-
-        Args:
-            q_command: (n_a,) the command before that period, bus order [rad].
-            ticks: length of the period; the return takes as long.
-            sides: whether the forces of left and right foot were false.
-        """
-
-
-@runtime_checkable
-class Doubts(Protocol):
-    """A controller that compares the readings of a robot at rest."""
-
-    @property
-    def doubt(self) -> str:
-        """Why the IMU cannot be right, in words; empty while it can."""
 
 
 class Safety:
@@ -120,16 +92,13 @@ class Safety:
         self._fade_ticks = max(1, round(settings.ramp_out_s / robot.period_s))
         self._leave_ticks = round(settings.leave_s / robot.period_s)
         self._bridge_ticks = round(settings.bridge_s / robot.period_s)
-        self._unanswered = 0
-        self._tick = 0
+        self._unanswered = self._tick = 0
         self._missed, self._missed_blend = 0.0, robot.period_s / MISSED_MEMORY_S
         self._takes_in = controller if isinstance(controller, PassesOver) else None
         self._doubts = controller if isinstance(controller, Doubts) else None
         self._is_number = np.empty(robot.n_a, dtype=bool)
-        self._fade = 0
-        self._left = 0
+        self._fade = self._left = self._unloaded = 0
         self._asked: Array | None = None
-        self._unloaded = 0
         self._normals = robot.sole_normals
         self._up = (0.0, 0.0, 1.0)
         self._degraded = (False, False)
@@ -157,21 +126,28 @@ class Safety:
         self._up = up_in_unit(snapshot)
         self._tick = snapshot.tick
         self._command, self._before = q_command.copy(), q_command.copy()
-        try:
+        with self._guarded():
             self.controller.start(snapshot, q_command)
-        except Exception as error:
-            self._fail(error)
 
     def follow_plan(self, plan: WalkPlan) -> bool:
         """Give the controller steps; return whether it walks."""
         if not isinstance(self.controller, Walks):
             return False
         if self.error is None:
-            try:
+            with self._guarded():
                 self.controller.follow_plan(plan)
-            except Exception as error:
-                self._fail(error)
         return True
+
+    @property
+    def is_tunable(self) -> bool:
+        """Whether the controller takes new gains."""
+        return isinstance(self.controller, Tunable)
+
+    def retune(self, settings: ControllerSettings) -> None:
+        """Give the controller new gains, if it takes any; see :class:`Tunable`."""
+        if isinstance(self.controller, Tunable) and self.error is None:
+            with self._guarded():
+                self.controller.retune(settings)
 
     def step(
         self, snapshot: Snapshot, ages: Ages, reference: Reference | None = None
@@ -187,11 +163,9 @@ class Safety:
             return self._output
         if self._gives_up():
             return self._fade_out()
-        try:
+        with self._guarded():
             return self._answer(snapshot, ages, reference)
-        except Exception as error:
-            self._fail(error)
-            return self._fade_out()
+        return self._fade_out()
 
     def _answer(
         self, snapshot: Snapshot, ages: Ages, reference: Reference | None
@@ -232,10 +206,8 @@ class Safety:
             snapshot = self._virtual.infer(snapshot)
         believed = self._health.check(snapshot, FRESH, moves=self._moves)
         if not any(self._health.lost[index] for index in REQUIRED):
-            try:
+            with self._guarded():
                 takes_in.pass_over(believed)
-            except Exception as error:
-                self._fail(error)
 
     def _believed(self, snapshot: Snapshot, ages: Ages) -> Snapshot:
         """Return what is believed of a reading; give up if that is too little."""
@@ -280,11 +252,15 @@ class Safety:
             self.state = StabilizerState.FADE_OUT
             self.end, self.detail = end, detail
 
-    def _fail(self, error: Exception) -> None:
-        """Give up because of an exception: whoever drives the robot still needs us."""
-        self.error = self.error or error
-        name = self.controller.name
-        self.abort(EndReason.CONTROLLER_FAILED, f"{name}: {told_of(error)}")
+    @contextmanager
+    def _guarded(self) -> Iterator[None]:
+        """Give up on an exception inside: whoever drives the robot still needs us."""
+        try:
+            yield
+        except Exception as error:
+            self.error = self.error or error
+            name = self.controller.name
+            self.abort(EndReason.CONTROLLER_FAILED, f"{name}: {told_of(error)}")
 
     def _distrust_imu(self, why: str) -> None:
         self.losses.setdefault("imu", SensorTrouble.INCONSISTENT)

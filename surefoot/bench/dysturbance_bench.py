@@ -49,7 +49,7 @@ from surefoot.presentation import CountBar, no_bar
 from surefoot.schemas.errors import FileFormatError
 from surefoot.schemas.scenario import scenario_from_table
 from surefoot.schemas.toml_file import struct_table
-from surefoot.sim_robot.errors import ScenarioError
+from surefoot.sim_robot.catalogue import ScenarioError
 from surefoot.studies.cell import Row, is_up
 
 DIRECTIONS_DEG = (0.0, 180.0, 90.0)

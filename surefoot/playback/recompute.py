@@ -25,7 +25,6 @@ from surefoot.schemas.messages import (
 from surefoot.schemas.reasons import ModeCause
 from surefoot.schemas.settings import ControllerSettings
 from surefoot.schemas.walk_plan import WalkPlan
-from surefoot.stabilizer.controller import Controller, Tunable
 from surefoot.stabilizer.factory import make_controller
 from surefoot.stabilizer.requests import SettingsRamp
 from surefoot.stabilizer.safety.safety import Safety
@@ -251,8 +250,8 @@ def recompute(
         gains.advance(command.tick)
         if start is not None:
             law = make_controller(controller, inputs.robot, gains.settings)
-            gains.serve_controller(law)
             safety = Safety(law, inputs.robot, inputs.settings.safety)
+            gains.serve_controller(safety)
             safety.start(reading.snapshot, np.array(start.q_held))
         if safety is not None:
             if command.tick == inputs.stop_tick:
@@ -300,7 +299,7 @@ class _Gains:
     """Applies the recorded changes of settings to the controller."""
 
     def __init__(self, inputs: Inputs) -> None:
-        self._tunable: Tunable | None = None
+        self._safety: Safety | None = None
         self._ramp = SettingsRamp(inputs.settings, period_s=inputs.robot.period_s)
         self._changes = list(inputs.changes)
 
@@ -309,9 +308,9 @@ class _Gains:
         """The settings at this tick."""
         return self._ramp.settings
 
-    def serve_controller(self, law: Controller) -> None:
+    def serve_controller(self, safety: Safety) -> None:
         """Send changed settings to this controller from now on, if it takes them."""
-        self._tunable = law if isinstance(law, Tunable) else None
+        self._safety = safety
 
     def advance(self, tick: int) -> None:
         """Move the settings as the stabilizer does before it answers a tick."""
@@ -334,11 +333,11 @@ class _Gains:
             )
 
     def _move(self) -> None:
-        if self._tunable is None or not self._ramp.is_moving:
+        if self._safety is None or not self._ramp.is_moving:
             return
         settings = self._ramp.advance()
         if settings is not None:
-            self._tunable.retune(settings)
+            self._safety.retune(settings)
 
 
 class _Newest:

@@ -110,7 +110,7 @@ def check_drawing(run: RunData, *, video: bool) -> None:
     Raises:
         EnvironmentFailedError: they cannot; the message says what to install.
     """
-    from surefoot.sim_robot.errors import RenderError
+    from surefoot.sim_robot.render import RenderError
 
     if video:
         check_encoder()

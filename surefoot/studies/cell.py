@@ -18,7 +18,8 @@ from surefoot.schemas.reasons import Outcome
 from surefoot.schemas.settings import ControllerSettings, setting_names
 from surefoot.schemas.toml_file import override_texts
 from surefoot.schemas.validation import nearest
-from surefoot.stabilizer.factory import find_controller, list_controllers
+from surefoot.stabilizer.factory import find_controller
+from surefoot.stabilizer.foreign import list_controllers
 
 if TYPE_CHECKING:
     from surefoot.run_plan import RunPlan

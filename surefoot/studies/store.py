@@ -33,10 +33,10 @@ from surefoot.run_plan import RunPlan
 from surefoot.schemas.result import RunResult
 from surefoot.schemas.scenario import with_recordings
 from surefoot.schemas.toml_file import atomic_file
-from surefoot.sim_robot.catalogue import naming_scenario
-from surefoot.sim_robot.errors import ScenarioError
+from surefoot.sim_robot.catalogue import ScenarioError, naming_scenario
 from surefoot.sim_robot.recorded import recorded_ground, recorded_track
-from surefoot.stabilizer.factory import CONTROLLERS, find_target
+from surefoot.stabilizer.controller import CONTROLLERS
+from surefoot.stabilizer.foreign import find_target
 from surefoot.studies.cell import FIGURES, Row, Work
 
 ROOT = "surefoot.simulation"

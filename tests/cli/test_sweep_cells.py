@@ -11,7 +11,7 @@ from surefoot.cli.study_commands import parse_seeds, parse_vary
 from surefoot.errors import UsageError
 from surefoot.robot_io.robot import load_robot
 from surefoot.schemas.settings import ControllerSettings
-from surefoot.sim_robot.errors import ScenarioError
+from surefoot.sim_robot.catalogue import ScenarioError
 from surefoot.studies.cell import VARIANTS, Cell, Row, group_of
 from surefoot.studies.study import make_cells, study
 from tests.command import Surefoot

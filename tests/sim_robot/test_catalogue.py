@@ -4,8 +4,12 @@ from pathlib import Path
 
 import pytest
 
-from surefoot.sim_robot.catalogue import find_scenario, list_scenarios, load_scenario
-from surefoot.sim_robot.errors import ScenarioError
+from surefoot.sim_robot.catalogue import (
+    ScenarioError,
+    find_scenario,
+    list_scenarios,
+    load_scenario,
+)
 
 SHIPPED = ["moving-platform-fast", "moving-platform-slow", "standing"]
 

@@ -17,7 +17,7 @@ from mcap.writer import CompressionType, IndexType, Writer
 
 from surefoot.recording.write import LogTimes
 from surefoot.schemas.motions import STANDARD_GRAVITY, RecordedMotion
-from surefoot.sim_robot.errors import ScenarioError
+from surefoot.sim_robot.catalogue import ScenarioError
 from surefoot.sim_robot.ground_records import GroundRecord, read_record
 from surefoot.sim_robot.recorded import recorded_track
 

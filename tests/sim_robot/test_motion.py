@@ -12,7 +12,7 @@ from surefoot.schemas.motions import (
     RampMotion,
     SineMotion,
 )
-from surefoot.sim_robot.errors import ScenarioError
+from surefoot.sim_robot.catalogue import ScenarioError
 from surefoot.sim_robot.motion import motion_law
 
 START_S = 0.3

@@ -11,8 +11,8 @@ import pytest
 from benchmarks.mounted import Drawing, placement
 from surefoot.robot_io.robot import Robot
 from surefoot.schemas.scenario import scenario_from_table
-from surefoot.sim_robot.errors import CommandError, ScenarioError
-from surefoot.sim_robot.plant import Plant
+from surefoot.sim_robot.catalogue import ScenarioError
+from surefoot.sim_robot.plant import CommandError, Plant
 from tests.awkward_robot import make_awkward
 from tests.sim_robot.conftest import MakePlant
 from tests.support import with_rate

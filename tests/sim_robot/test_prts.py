@@ -9,7 +9,7 @@ from msgspec.structs import replace
 from surefoot.schemas.errors import FileFormatError
 from surefoot.schemas.motions import PrtsMotion
 from surefoot.schemas.scenario import scenario_from_table
-from surefoot.sim_robot.errors import ScenarioError
+from surefoot.sim_robot.catalogue import ScenarioError
 from surefoot.sim_robot.motion import motion_law, prts_states
 
 SPEED = 4.0

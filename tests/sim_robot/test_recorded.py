@@ -12,7 +12,7 @@ import pytest
 from scipy.interpolate import CubicSpline
 
 from surefoot.schemas.motions import STANDARD_GRAVITY, RecordedMotion
-from surefoot.sim_robot.errors import ScenarioError
+from surefoot.sim_robot.catalogue import ScenarioError
 from surefoot.sim_robot.motion import motion_law
 from surefoot.sim_robot.recorded import recorded_track
 

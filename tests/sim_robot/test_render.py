@@ -7,9 +7,8 @@ from scipy.spatial.transform import Rotation
 from surefoot.robot_io.robot import Robot
 from surefoot.robot_io.ticks.recorder import MemoryTicks
 from surefoot.schemas.scenario import Scenario
-from surefoot.sim_robot.errors import RenderError
 from surefoot.sim_robot.plant import Plant
-from surefoot.sim_robot.render import Camera, Renderer
+from surefoot.sim_robot.render import Camera, Renderer, RenderError
 from surefoot.sim_robot.simulated_robot import SimulatedRobot
 from surefoot.sim_robot.world import build_world
 from tests.command import run_python

@@ -11,8 +11,8 @@ from surefoot.robot_io.robot import load_robot
 from surefoot.schemas.errors import FileFormatError
 from surefoot.schemas.scenario import Scenario, scenario_from_table
 from surefoot.schemas.scenario_robot import DisplacementRod, ForceRod, Rod, StrikeRod
+from surefoot.sim_robot.catalogue import ScenarioError
 from surefoot.sim_robot.conventions import SIM_STEP_S
-from surefoot.sim_robot.errors import ScenarioError
 from surefoot.sim_robot.plant import Plant
 from surefoot.sim_robot.pushes import RodAtWork
 

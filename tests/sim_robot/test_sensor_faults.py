@@ -12,7 +12,7 @@ import pytest
 from surefoot.robot_io.snapshot import Snapshot, readings
 from surefoot.schemas.scenario import SensorFault
 from surefoot.schemas.sensors import SENSORS, SNAPSHOT_FIELDS, Quantity, Sensor
-from surefoot.sim_robot.errors import ScenarioError
+from surefoot.sim_robot.catalogue import ScenarioError
 from surefoot.sim_robot.sensor_lines import SensorFaults
 from tests.robot_io.sensor_messages import snapshot_at
 

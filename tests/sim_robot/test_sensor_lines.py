@@ -18,7 +18,7 @@ from surefoot.schemas.arrays import Array
 from surefoot.schemas.errors import FileFormatError
 from surefoot.schemas.messages import Message
 from surefoot.schemas.sensors import SENSORS
-from surefoot.sim_robot.errors import ScenarioError
+from surefoot.sim_robot.catalogue import ScenarioError
 from surefoot.sim_robot.plant import Plant
 from tests.sim_robot.conftest import MakePlant
 

@@ -12,8 +12,8 @@ from surefoot.robot_io.ticks.recorder import MemoryTicks
 from surefoot.schemas.arrays import Array
 from surefoot.schemas.reasons import FallCriterion
 from surefoot.schemas.sensors import SNAPSHOT_FIELDS
-from surefoot.sim_robot.catalogue import list_scenarios, load_scenario
-from surefoot.sim_robot.errors import CommandError, ScenarioError
+from surefoot.sim_robot.catalogue import ScenarioError, list_scenarios, load_scenario
+from surefoot.sim_robot.plant import CommandError
 from surefoot.sim_robot.simulated_robot import SimulatedRobot
 from tests.sim_robot.conftest import MakeScenario, figures
 from tests.support import with_rate

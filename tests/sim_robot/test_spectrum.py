@@ -7,7 +7,7 @@ import pytest
 from scipy.signal import welch
 
 from surefoot.schemas.motions import SpectrumMotion
-from surefoot.sim_robot.errors import ScenarioError
+from surefoot.sim_robot.catalogue import ScenarioError
 from surefoot.sim_robot.motion import components, jonswap, motion_law
 
 SEA = SpectrumMotion(axis="z", height_m=4.0, period_s=9.0, gain=0.01, seed=3)

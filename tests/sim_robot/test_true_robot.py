@@ -8,7 +8,7 @@ import pytest
 
 from surefoot.robot_io.robot import Robot, load_robot
 from surefoot.schemas.errors import FileFormatError
-from surefoot.sim_robot.errors import ScenarioError
+from surefoot.sim_robot.catalogue import ScenarioError
 from surefoot.sim_robot.plant import Plant
 from surefoot.sim_robot.pushes import CaptureLimit
 from tests.sim_robot.conftest import MakePlant

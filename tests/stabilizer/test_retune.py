@@ -4,9 +4,12 @@ import numpy as np
 import pytest
 
 from surefoot.robot_io.robot import Robot
-from surefoot.schemas.settings import build_settings
+from surefoot.schemas.reasons import EndReason
+from surefoot.schemas.settings import ControllerSettings, build_settings
 from surefoot.stabilizer.controller import HoldController, Tunable
 from surefoot.stabilizer.requests import LIVE_SETTINGS, live_values, with_values
+from surefoot.stabilizer.safety.health import FRESH
+from surefoot.stabilizer.safety.safety import Safety
 from surefoot.stabilizer.whole_body.controller import WholeBodyController
 from tests.stabilizer.closed_loop import ROLLING, Run, run_closed_loop
 
@@ -59,3 +62,20 @@ def test_gains_changed_later_act_like_gains_from_the_start(
 def test_a_controller_without_gains_is_not_tunable(walker: Robot) -> None:
     assert isinstance(WholeBodyController(walker, DEFAULTS), Tunable)
     assert not isinstance(HoldController(walker.n_a), Tunable)
+
+
+class _RefusesGains(HoldController):
+    def retune(self, settings: ControllerSettings) -> None:
+        raise ValueError(f"no gains of {settings.dik.k_force}")
+
+
+def test_one_that_raises_at_new_gains_is_given_up_in_order(
+    walker: Robot, run: Run
+) -> None:
+    safety = Safety(_RefusesGains(walker.n_a), walker, DEFAULTS.safety)
+    safety.start(run.snapshots[0], walker.nominal)
+    safety.retune(CHANGED)
+    assert safety.end is EndReason.CONTROLLER_FAILED
+    assert "ValueError: no gains of" in safety.detail
+    output = safety.step(run.snapshots[1], FRESH)
+    np.testing.assert_array_equal(output.q_command, walker.nominal)

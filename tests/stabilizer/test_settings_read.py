@@ -12,12 +12,8 @@ from surefoot.run_plan import make_plan
 from surefoot.schemas.errors import FileFormatError
 from surefoot.schemas.settings import ControllerSettings, setting_names
 from surefoot.simulation import Simulation
-from surefoot.stabilizer.factory import (
-    CONTROLLERS,
-    check_read,
-    make_controller,
-    read_settings,
-)
+from surefoot.stabilizer.controller import CONTROLLERS
+from surefoot.stabilizer.factory import check_read, make_controller, read_settings
 
 SHORT = sf.Scenario(name="short", duration_s=0.4)
 OWN = "tests/surefoot/own_controllers.py"

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 import surefoot as sf
-from surefoot.stabilizer import factory
+from surefoot.stabilizer import foreign
 from tests.command import Surefoot, run_surefoot, scenario_file
 from tests.surefoot import own_controllers as own
 
@@ -53,7 +53,7 @@ def test_a_module_of_a_package_and_an_entry_point(
         def load(self) -> type:
             return own.Stay
 
-    monkeypatch.setattr(factory, "entry_points", lambda group: [Entry()])
+    monkeypatch.setattr(foreign, "entry_points", lambda group: [Entry()])
     for name in ("mine", "tests.surefoot.own_controllers:Stay"):
         run = sf.simulate("walker", SCENARIO, controller=name)
         assert run.result.log_sha256 == held

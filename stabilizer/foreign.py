@@ -1,0 +1,300 @@
+"""Controllers of users: found by name, made, adapted to the protocol, and blamed."""
+
+from __future__ import annotations
+
+import hashlib
+import importlib
+import importlib.util
+import inspect
+import sys
+import traceback
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from importlib.metadata import entry_points
+from pathlib import Path
+from types import ModuleType
+from typing import Any
+
+import numpy as np
+
+from surefoot.robot_io.robot import Robot
+from surefoot.robot_io.snapshot import Snapshot
+from surefoot.schemas.errors import SchemaError
+from surefoot.schemas.messages import Reference
+from surefoot.schemas.settings import ControllerSettings
+from surefoot.schemas.validation import nearest
+from surefoot.stabilizer.controller import (
+    CONTROLLERS,
+    Controller,
+    ControllerError,
+    ControllerOutput,
+)
+from surefoot.stabilizer.qp import QpData
+
+ControllerMaker = Callable[[Robot, ControllerSettings], Controller]
+"""Makes a new controller, ready to be started once."""
+
+
+ENTRY_POINTS = "surefoot.controllers"
+"""Entry-point group in which other packages offer controllers by name."""
+OPTIONAL = ("pass_over", "retune", "degrade", "undo_overload")
+"""Optional methods, of :class:`PassesOver`, :class:`Tunable` and :class:`Degradable`,
+used if present."""
+_CALLERS = ("<", str(Path(__file__).parents[1]), str(Path(importlib.__file__).parent))
+"""Beginnings of files that call a user's code: frozen, the library's, importlib's."""
+_LONGEST_TEXT = 200
+
+
+def told_of(error: BaseException) -> str:
+    """Return an exception of a user's code on one line: class, message and place.
+
+    The place is the deepest line of the file in which the user's code began.
+    """
+    if isinstance(error, ControllerError):
+        return str(error)
+    if isinstance(error, SyntaxError):
+        file = Path(error.filename or "").name
+        return f"{file}, line {error.lineno}: {error.msg}"
+    message = " ".join(str(error).split())[:_LONGEST_TEXT]
+    text = f"{type(error).__name__}: {message}" if message else type(error).__name__
+    frames = traceback.extract_tb(error.__traceback__)
+    files = [frame.filename for frame in frames]
+    begun = next((f for f in files if not f.startswith(_CALLERS)), files[-1])
+    lines = [frame.lineno for frame in frames if frame.filename == begun]
+    return f"{text} ({Path(begun).name}, line {lines[-1]})"
+
+
+def list_controllers() -> list[str]:
+    """Return the names of all controllers: shipped ones and installed entry points."""
+    installed = {entry.name for entry in entry_points(group=ENTRY_POINTS)}
+    return [*CONTROLLERS, *sorted(installed - set(CONTROLLERS))]
+
+
+def find_target(name: str) -> Any:
+    """Find the class, or another maker, of a foreign controller.
+
+    Raises:
+        ControllerError: there is no such controller, or its module does not load.
+        ImportError: a package that it imports is missing.
+    """
+    if not isinstance(name, str):
+        raise ControllerError(
+            f"controller: got {name!r}, expected a name such as 'whole-body', or "
+            "'path/to/file.py:Class'"
+        )
+    place, colon, attribute = name.rpartition(":")
+    if colon:
+        with _blamed(name):
+            module = _module(place)
+        target = getattr(module, attribute, None)
+        if target is None:
+            offered = [n for n, value in vars(module).items() if inspect.isclass(value)]
+            raise ControllerError(
+                f"controller {name!r}: {place} has no {attribute!r}"
+                f"{nearest(attribute, offered)}"
+            )
+        return target
+    for entry in entry_points(group=ENTRY_POINTS):
+        if entry.name == name:
+            with _blamed(name):
+                return entry.load()
+    known = list_controllers()
+    raise ControllerError(
+        f"controller: got {name!r}{nearest(name, known)}; expected one of "
+        f"{', '.join(known)}, package.module:Class or path/to/file.py:Class"
+    )
+
+
+def maker_of(name: str, target: Any) -> ControllerMaker:
+    """Return a maker from a class or a function of robot and settings.
+
+    Raises:
+        ControllerError: it cannot be called.
+    """
+    if not callable(target):
+        raise ControllerError(
+            f"controller {name!r}: got {type(target).__name__}, expected a class with "
+            "start(snapshot, q_command) and step(snapshot, reference)"
+        )
+    given = takes(target)
+
+    def make(robot: Robot, settings: ControllerSettings) -> Controller:
+        with _blamed(name):
+            made = target(*(robot, settings)[:given])
+        return adapt(made, robot, name=name)
+
+    return make
+
+
+@contextmanager
+def _blamed(name: str) -> Iterator[None]:
+    """Name the controller, and where it failed, in any error of its own code.
+
+    A missing package stays an ImportError: this machine lacks it.
+    """
+    try:
+        yield
+    except (ControllerError, SchemaError):
+        raise
+    except ModuleNotFoundError as error:
+        raise ModuleNotFoundError(
+            f"controller {name}: {told_of(error)}", name=error.name
+        ) from error
+    except (Exception, SystemExit) as error:
+        raise ControllerError(f"controller {name}: {told_of(error)}") from error
+
+
+def takes(target: Any) -> int:
+    """Return how many of robot and settings a maker takes."""
+    try:
+        parameters = inspect.signature(target).parameters.values()
+    except (TypeError, ValueError):  # not callable, or does not tell
+        return 2
+    kinds = [parameter.kind for parameter in parameters]
+    if inspect.Parameter.VAR_POSITIONAL in kinds:
+        return 2
+    last = inspect.Parameter.POSITIONAL_OR_KEYWORD  # after those without a keyword
+    return min(2, sum(kind <= last for kind in kinds))
+
+
+def _module(place: str) -> ModuleType:
+    if place.endswith(".py"):
+        return _module_of_file(Path(place))
+    try:
+        return importlib.import_module(place)
+    except ModuleNotFoundError as error:
+        missing = error.name or ""
+        if place != missing and not place.startswith(f"{missing}."):
+            raise  # found, but something it imports is missing
+        raise ControllerError(
+            f"controller: no module {place!r}; name a module that Python finds, or a "
+            "file: path/to/file.py:Class"
+        ) from error
+
+
+def _module_of_file(path: Path) -> ModuleType:
+    """Return the module of a file, loaded once per process and findable for pickle.
+
+    A module that is imported already is reused: loaded twice it would have two classes.
+    """
+    if not path.is_file():
+        raise ControllerError(
+            f"controller: {path}: no such file; expected path/to/file.py:Class"
+        )
+    whole = path.resolve()
+    for name, module in list(sys.modules.items()):
+        file = str(vars(module).get("__file__"))
+        is_it = file.endswith(whole.name) and Path(file).resolve() == whole
+        if is_it and name != "__main__":
+            return module
+    digest = hashlib.sha256(str(whole).encode()).hexdigest()[:8]
+    name = f"surefoot_controller_{whole.stem}_{digest}"
+    spec = importlib.util.spec_from_file_location(name, whole)
+    assert spec is not None
+    assert spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    sys.modules[name] = module
+    try:
+        spec.loader.exec_module(module)
+    except BaseException:
+        del sys.modules[name]
+        raise
+    return module
+
+
+def adapt(controller: Any, robot: Robot, *, name: str | None = None) -> Controller:
+    """Adapt an object with ``start`` and ``step`` to the controller protocol.
+
+    A shipped controller is returned unchanged.
+
+    Raises:
+        ControllerError: the object has no ``start`` or ``step``.
+    """
+    is_ours = type(controller).__module__.startswith("surefoot.stabilizer.")
+    if isinstance(controller, ForeignController) or is_ours:
+        ours: Controller = controller
+        return ours
+    return ForeignController(controller, n_a=robot.n_a, name=name)
+
+
+class ForeignController:
+    """Wraps any object with ``start(snapshot, q_command)`` and ``step(snapshot, ...)``.
+
+    ``step`` may return a bare array of joint positions or a :class:`ControllerOutput`.
+    It may have no parameter for the reference.
+
+    Attributes:
+        name: as reported on status.
+        inner: the object itself.
+        failure: always None; a foreign controller keeps its own failures.
+    """
+
+    def __init__(self, inner: Any, *, n_a: int, name: str | None = None) -> None:
+        """Check that the object has what a controller needs.
+
+        Raises:
+            ControllerError: a method is missing.
+        """
+        kind = type(inner).__name__
+        missing = [m for m in ("start", "step") if not callable(getattr(inner, m, 0))]
+        if missing:
+            raise ControllerError(
+                f"controller {name or kind}: {kind} has no {' and no '.join(missing)}; "
+                "expected start(snapshot, q_command) and step(snapshot, reference)"
+            )
+        self.inner = inner
+        self.name = name or str(getattr(inner, "name", kind))
+        self.failure: QpData | None = None
+        self._n_a = n_a
+        self._takes_reference = _takes_two(inner.step)
+        self._output = ControllerOutput(np.zeros(n_a))
+        for method in OPTIONAL:
+            if callable(getattr(inner, method, None)):
+                setattr(self, method, getattr(inner, method))
+
+    def start(self, snapshot: Snapshot, q_command: np.ndarray) -> None:
+        """Begin on a robot that stands still; see :meth:`Controller.start`."""
+        self.inner.start(snapshot, q_command)
+
+    def step(
+        self, snapshot: Snapshot, reference: Reference | None = None
+    ) -> ControllerOutput:
+        """Answer one tick.
+
+        Raises:
+            ControllerError: the answer is not one number per joint.
+        """
+        answer = (
+            self.inner.step(snapshot, reference)
+            if self._takes_reference
+            else self.inner.step(snapshot)
+        )
+        if isinstance(answer, ControllerOutput):
+            self._check(answer.q_command)
+            return answer
+        try:
+            q_command = np.asarray(answer, dtype=np.float64)
+        except (TypeError, ValueError):
+            q_command = np.zeros(0)
+        self._check(q_command, answer)
+        self._output.q_command = q_command
+        return self._output
+
+    def _check(self, q_command: np.ndarray, answer: object = None) -> None:
+        if q_command.shape != (self._n_a,):
+            got = f"shape {q_command.shape}" if q_command.size else repr(answer)[:60]
+            raise ControllerError(
+                f"controller {self.name}: step returned {got}, expected "
+                f"({self._n_a},): one position per joint of the robot file [rad]"
+            )
+
+
+def _takes_two(step: Any) -> bool:
+    """Return whether a method can be called with snapshot and reference."""
+    try:
+        inspect.signature(step).bind(None, None)
+    except TypeError:
+        return False
+    except ValueError:
+        return True
+    return True
