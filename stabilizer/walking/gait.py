@@ -13,6 +13,10 @@ from collections.abc import Sequence
 from enum import StrEnum
 
 from surefoot.schemas.settings import WalkSettings
+from surefoot.stabilizer.control.reference import Stance
+from surefoot.stabilizer.dynamics import SolesAndCom
+from surefoot.stabilizer.estimation.contact import Anchors
+from surefoot.stabilizer.estimation.observer import ObservedState
 from surefoot.stabilizer.walking.dcm import (
     Point,
     ZmpPhase,
@@ -28,6 +32,10 @@ EVERY_TICKS = 4
 
 AT_REST_M = 0.001
 """Distance to its place at which the centre of mass has come to rest [m]."""
+STAIRS_RISE_SHARE = 0.625
+"""Part of the CoM's possible rise over nominal that planned stairs may use [1]."""
+DEEPEST_KEPT_S = 6.0
+"""Time constant with which a deep place of the ground is forgotten [s]."""
 
 
 class Phase(StrEnum):
@@ -274,6 +282,84 @@ class Gait:
         middle = self.middle(places)
         phases.append(ZmpPhase(self._settings.settle_s, here, middle))
         return phases, middle
+
+
+class HeightReference:
+    """Reference of the CoM's height: over the ground, with its deepest place in reach.
+
+    Planned stairs are climbed on time, by a filter of third order. The ground's
+    difference from its plan is followed slowly. After a walk a robot may stand far from
+    the axis about which its ground turns. The ground under it then sinks deeper, and a
+    leg that is straight by then cannot follow.
+    """
+
+    def __init__(
+        self, settings: WalkSettings, *, com_rise: float, period_s: float
+    ) -> None:
+        """Begin on level ground.
+
+        Args:
+            settings: time constants.
+            com_rise: largest height of the centre of mass over the soles, from nominal
+                [m].
+            period_s: time between two updates [s].
+        """
+        self._dt, self._climb_rate = period_s, 1.0 / settings.climb_s
+        self._stairs_rise = STAIRS_RISE_SHARE * com_rise
+        self._blend = period_s / settings.height_s
+        self._forget = period_s / DEEPEST_KEPT_S
+        self._deepest = 0.0
+        self._planned = [0.0, 0.0, 0.0]
+
+    def follow(
+        self,
+        stance: Stance,
+        state: ObservedState,
+        soles: SolesAndCom,
+        anchors: Anchors,
+        *,
+        under: int | None,
+        middle_over_support: float,
+    ) -> None:
+        """Advance by one tick.
+
+        Args:
+            stance: gets the height, with its planned velocity and acceleration.
+            state: has the height of the carrying ground.
+            soles: at the present state.
+            anchors: has the planned heights of the footholds.
+            under: the foot in the air or landing, whose ground the other one shows.
+            middle_over_support: height of the middle between the feet over the
+                standing one [m].
+        """
+        level_left, level_right = anchors.level
+        carries = state.ground_height - anchors.carrying
+        middle = carries + middle_over_support
+        if under is None:
+            left, right = soles.p_sole
+            apart = (left.item(2) - level_left) - (right.item(2) - level_right)
+            low, lowest = middle - 0.5 * abs(apart), min(level_left, level_right)
+        else:
+            low = min(carries, carries + 2.0 * middle_over_support)
+            lowest = anchors.level[1 - under]
+        self._deepest = min(low, self._deepest + self._forget * (low - self._deepest))
+        planned = self._planned
+        stance.com_height -= planned[0]
+        stance.approach_ground(middle, highest=self._deepest, share=self._blend)
+        self._climb(min(0.5 * (level_left + level_right), lowest + self._stairs_rise))
+        stance.com_height += planned[0]
+        stance.com_velocity[2], stance.com_acceleration[2] = planned[1:]
+
+    def _climb(self, to: float) -> None:
+        """Approach a planned height, with its velocity and acceleration."""
+        place, velocity, acceleration = self._planned
+        rate = self._climb_rate
+        jerk = rate * (
+            rate * (rate * (to - place) - 3.0 * velocity) - 3.0 * acceleration
+        )
+        acceleration += self._dt * jerk
+        velocity += self._dt * acceleration
+        self._planned[:] = place + self._dt * velocity, velocity, acceleration
 
 
 def _between(a: Point, b: Point, share: float) -> Point:

@@ -33,12 +33,8 @@ from surefoot.stabilizer.walking.footsteps import (
     mean_yaw,
     turned,
 )
-from surefoot.stabilizer.walking.gait import Gait, Phase
-from surefoot.stabilizer.walking.ground import (
-    ExpectedGround,
-    GroundMotion,
-    HeightReference,
-)
+from surefoot.stabilizer.walking.gait import Gait, HeightReference, Phase
+from surefoot.stabilizer.walking.ground import ExpectedGround, GroundMotion
 from surefoot.stabilizer.walking.phase_changes import PhaseChanges, is_over
 from surefoot.stabilizer.walking.step_adjustment import StepAdjustment
 from surefoot.stabilizer.walking.step_queue import Move, StepQueue, nearest_of
@@ -292,7 +288,15 @@ class Walk:
         self, stance: Stance, state: ObservedState, soles: SolesAndCom
     ) -> None:
         if self._height is not None:
-            self._height.follow(stance, state, soles, self._ground, self._anchors)
+            ground = self._ground
+            self._height.follow(
+                stance,
+                state,
+                soles,
+                self._anchors,
+                under=ground.under,
+                middle_over_support=ground.middle_over_support,
+            )
 
     def _footholds(self) -> list[Foothold]:
         """Return the places of the feet; for the swing foot, where it is being set.

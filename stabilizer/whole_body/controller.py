@@ -38,7 +38,7 @@ from surefoot.stabilizer.estimation.observer import (
 from surefoot.stabilizer.model import GRAVITY, N_BASE_V, RobotModel
 from surefoot.stabilizer.qp import PiqpSolver, QpSolver, QpStatus
 from surefoot.stabilizer.stance.legs import one_foot_sink
-from surefoot.stabilizer.walking.ground import HeightReference
+from surefoot.stabilizer.walking.gait import HeightReference
 from surefoot.stabilizer.walking.walk import Walk
 from surefoot.stabilizer.whole_body.sway import Sway
 
