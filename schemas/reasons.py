@@ -106,7 +106,8 @@ class SensorTrouble(StrEnum):
     """The IMU's gyroscope and its own attitude tell different motions, or a foot's
     wrench suddenly presses outside of its sole."""
     OFFSET = "offset"
-    """A foot's force along the sole is felt by no joint; it is subtracted."""
+    """A foot's force along the sole is felt by no joint, and is subtracted; or the
+    gyroscope's bias has changed since the start, and is learnt anew."""
 
 
 class StabilizerState(StrEnum):

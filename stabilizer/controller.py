@@ -181,11 +181,13 @@ class Degradable(Protocol):
 
 @runtime_checkable
 class Doubts(Protocol):
-    """A controller that compares the readings of a robot at rest."""
+    """A controller that compares the IMU with legs and feet."""
 
-    @property
     def doubt(self) -> str:
-        """Why the IMU cannot be right, in words; empty while it can."""
+        """Return why the IMU cannot be right, in words; empty while it can."""
+
+    def gyro_is_off(self) -> bool:
+        """Return whether the learnt bias of the gyroscope has changed."""
 
 
 class BalanceController(ABC):
@@ -218,10 +220,13 @@ class BalanceController(ABC):
         self._tick = 0
         self._owed, self._most_owed = 0.0, MOST_OWED_S / robot.period_s
 
-    @property
     def doubt(self) -> str:
         """See :class:`Doubts`."""
         return self.observer.doubt
+
+    def gyro_is_off(self) -> bool:
+        """See :class:`Doubts`."""
+        return self.observer.gyro_is_off
 
     def start(self, snapshot: Snapshot, q_command: Array) -> None:
         """Begin on a robot that stands still, once."""

@@ -28,6 +28,11 @@ from surefoot.stabilizer.controller import (
     Controller,
     ControllerError,
     ControllerOutput,
+    Degradable,
+    Doubts,
+    PassesOver,
+    Tunable,
+    Walks,
 )
 from surefoot.stabilizer.qp import QpData
 
@@ -37,9 +42,11 @@ ControllerMaker = Callable[[Robot, ControllerSettings], Controller]
 
 ENTRY_POINTS = "surefoot.controllers"
 """Entry-point group in which other packages offer controllers by name."""
-OPTIONAL = ("pass_over", "retune", "degrade", "undo_overload")
-"""Optional methods, of :class:`PassesOver`, :class:`Tunable` and :class:`Degradable`,
-used if present."""
+_PROTOCOLS = (PassesOver, Tunable, Walks, Degradable, Doubts)
+OPTIONAL = tuple(
+    name for kind in _PROTOCOLS for name in vars(kind) if not name.startswith("_")
+)
+"""Methods that a controller may have, used if present."""
 _CALLERS = ("<", str(Path(__file__).parents[1]), str(Path(importlib.__file__).parent))
 """Beginnings of files that call a user's code: frozen, the library's, importlib's."""
 _LONGEST_TEXT = 200

@@ -19,6 +19,7 @@ from surefoot.schemas.messages import Reference, RobotMode, RobotStatus
 from surefoot.schemas.reasons import (
     EndReason,
     ModeCause,
+    SensorTrouble,
     StabilizerState,
     in_words,
     plain,
@@ -140,7 +141,7 @@ class Loop:
     def _begin_with(self, safety: Safety) -> None:
         """Let the next snapshot start this new controller."""
         self._safety, self._is_started = safety, False
-        self._losses_told = 0
+        self._losses_told: dict[str, SensorTrouble] = {}
         self._requests.serve_controller(safety)
 
     def _has_left(self, stop: StopRequest) -> bool:
@@ -229,7 +230,7 @@ class Loop:
         self._telemetry.note(
             safety.state, safety.end, safety.detail, lost=safety.losses
         )
-        if len(safety.losses) > self._losses_told:
+        if safety.losses != self._losses_told:
             self._tell_losses(tick)
         if safety.error is not None and safety.error is not self._error_told:
             self._error_told = safety.error
@@ -240,11 +241,12 @@ class Loop:
         return output
 
     def _tell_losses(self, tick: int) -> None:
-        """Say which sensors are not believed any more; of each once in a start."""
-        losses = list(self._safety.losses.items())
-        for name, why in losses[self._losses_told :]:
-            _LOG.warning("tick %d: %s %s, not believed", tick, name, plain(why))
-        self._losses_told = len(losses)
+        """Say which sensors have trouble; of each once in a start."""
+        for name, why in self._safety.losses.items():
+            if self._losses_told.get(name) is not why:
+                then = "corrected" if why is SensorTrouble.OFFSET else "not believed"
+                _LOG.warning("tick %d: %s %s, %s", tick, name, plain(why), then)
+        self._losses_told = dict(self._safety.losses)
 
     def _reference(self, tick: int) -> Reference | None:
         """A planner's newest reference that can be followed; None before the first."""

@@ -5,6 +5,7 @@ Notebooks call the public functions; the command line prints the two notices.
 
 from __future__ import annotations
 
+import inspect
 import math
 from collections.abc import Sequence
 from pathlib import Path
@@ -20,14 +21,15 @@ from surefoot.schemas.motions import Motion
 from surefoot.schemas.scenario import Push, SensorFault
 from surefoot.schemas.scenario_robot import Delay, Payload, Rod
 from surefoot.stabilizer import factory
-from surefoot.stabilizer.controller import Controller
+from surefoot.stabilizer.controller import Controller, HoldController, Walks
+from surefoot.stabilizer.foreign import find_target
 
 if TYPE_CHECKING:
     from surefoot.stabilizer.margins.margins import LoopMargins
 
 MOST_TICKS = 100
 _WALKS = ("whole-body", "zmp")
-"""Controllers that take steps, each with the same limits."""
+"""Shipped controllers that take steps, each with the same limits."""
 _WHOLE = 1e-6
 _LONGER = 1.25
 """Time of a step over the time asked for, above which a walk is called slow [1]."""
@@ -178,7 +180,13 @@ def loop_notice(plan: RunPlan) -> str:
 def walk_notice(plan: RunPlan) -> str:
     """Return which part of a run's walk will not be walked; empty if all of it will."""
     walk = plan.walk
-    if walk is None or plan.controller not in _WALKS:
+    if walk is None:
+        return ""
+    if plan.controller not in _WALKS:
+        is_hold = plan.controller == HoldController.name
+        kind = HoldController if is_hold else find_target(plan.controller)
+        if inspect.isclass(kind) and not issubclass(kind, Walks):
+            return f"no step will be taken: {plan.controller} has no follow_plan(plan)"
         return ""
     from surefoot.stabilizer.walking.step_queue import foretold
 

@@ -39,6 +39,11 @@ RESTLESS_AT_FIRST_RAD_S, RESTLESS_RAD_S = 0.05, 0.01
 """Change of rate above which ground is not at rest; a gyroscope's noise is less."""
 FOUND_REST_S = 0.6
 """Time watched that counts once ground rests: the tilt is learnt anew [s]."""
+OFF_RAD_S = 0.005
+"""Change of the learnt bias that is told and followed faster. Ground that accelerates
+for some seconds, as a vehicle does, changes it by 0.002 [rad/s]."""
+OFF_KNOWN_S = 4.0
+"""Time watched that counts once the bias has changed as much [s]."""
 BIAS_LIMIT_RAD_S = 0.1
 """Largest bias of any gyroscope [rad/s]."""
 
@@ -55,7 +60,8 @@ class AttitudeFilter:
     With y the velocity difference and d the tilt error, both horizontal: dy/dt = g (d x
     z) - l_1 y and dd/dt = -(l_2 / g) (z x y), poles at the bandwidth. A start on
     turning ground hides tilt and bias. Both are then learnt faster, the less time has
-    passed, and the bias at once when the ground comes to rest.
+    passed, and the bias at once when the ground comes to rest. A bias that changes
+    later by more than OFF_RAD_S is learnt faster, too.
 
     Attributes:
         R_world_imu: (3, 3) rotation estimate.
@@ -63,6 +69,7 @@ class AttitudeFilter:
         rate: (3,) bias-free angular velocity in the IMU frame [rad/s].
         ground_turns: whether the ground was taken to turn while calibrating.
         surely_turns: whether it turned by more than any gyroscope's bias.
+        gyro_is_off: whether the bias has changed since by more than OFF_RAD_S.
     """
 
     def __init__(
@@ -98,7 +105,8 @@ class AttitudeFilter:
         # times powers 0, 1, 2 of a reading's number.
         self._readings: Mat = np.zeros((3, 3))
         self._moments: Array = np.zeros((3, 3, 3))
-        self.ground_turns = self.surely_turns = False
+        self.ground_turns = self.surely_turns = self.gyro_is_off = False
+        self._known_bias = [0.0, 0.0, 0.0]
         self._rest: Vec3 = np.zeros(3)
         self._restless = RESTLESS_AT_FIRST_RAD_S
         self._is_at_rest = False
@@ -172,6 +180,7 @@ class AttitudeFilter:
             leg_velocity: (3,) velocity that the legs see, world [m/s].
         """
         self._v_x, self._v_y = leg_velocity.item(0), leg_velocity.item(1)
+        self._known_bias[:] = self.bias.tolist()
 
     def _judge(self) -> tuple[Vec3, Vec3]:
         """Set the bias from the rates and directions of gravity so far.
@@ -254,11 +263,23 @@ class AttitudeFilter:
             rate[i] = w - b
             step[i] = (w - b + tilt_gain * turn) * dt
         self._rotate(step)
+        self._notice()
+
+    def _notice(self) -> None:
+        """Learn faster once the bias has changed: it leans the robot until learnt."""
+        now = self.bias.tolist()
+        if self.looks_for_rest:  # the first one is not known yet
+            self._known_bias[:] = now
+        elif math.dist(now, self._known_bias) > OFF_RAD_S:
+            self.gyro_is_off = True
+            self._known_bias[:] = now
+            self._known_s = OFF_KNOWN_S
 
     @property
     def looks_for_rest(self) -> bool:
         """Whether to call :meth:`rest_on`: soon after a start on turning ground."""
-        return self.ground_turns and self._known_s < LEARNT_S
+        is_early = self._known_s < LEARNT_S and not self.gyro_is_off
+        return self.ground_turns and is_early
 
     def rest_on(self, leg_rate: Vec3) -> None:
         """Learn the bias once turning ground has come to rest.
@@ -289,7 +310,7 @@ class AttitudeFilter:
     def _gains(self) -> tuple[float, float, float]:
         """Return l_2 / g, l_1 and l_3 / g."""
         bandwidth, pull = self._bandwidth, self._bias_pull
-        if self.ground_turns:
+        if self.ground_turns or self.gyro_is_off:
             self._known_s += self._dt
             bandwidth = max(bandwidth, TILT_LEARNING / self._known_s)
             pull = max(pull, BIAS_LEARNING / self._known_s)

@@ -219,6 +219,11 @@ class Estimator:
         return self._felt_motion.offsets
 
     @property
+    def gyro_is_off(self) -> bool:
+        """Whether the learnt bias of the gyroscope has changed since the start."""
+        return self._attitude.gyro_is_off
+
+    @property
     def doubt(self) -> str:
         """Why the readings at rest cannot all be right; empty if they can.
 

@@ -235,6 +235,12 @@ class Observer:
         )
 
     @property
+    def gyro_is_off(self) -> bool:
+        """Whether the learnt bias of the gyroscope has changed since the start."""
+        estimator = self.estimator
+        return isinstance(estimator, Estimator) and estimator.gyro_is_off
+
+    @property
     def anchors(self) -> Anchors | None:
         """Places where the feet were set down; None if the estimator knows no steps."""
         return self.estimator.anchors if isinstance(self.estimator, Odometry) else None

@@ -57,7 +57,7 @@ class Safety:
         state: state of the stabilizer: active, degraded, soft_stop, fade_out or held.
         end: why it gives up or was asked to end; ``none`` while it goes on.
         detail: why it is not active, in words; empty when it is.
-        losses: sensors lost since the start, by channel, and why at first.
+        losses: sensors with trouble since the start, by channel, and which first.
         error: exception of the controller that ended it; None without one.
     """
 
@@ -174,9 +174,12 @@ class Safety:
         if self._gives_up():
             return self._fade_out()
         output = self.controller.step(believed, reference)
-        if self._doubts is not None and self._doubts.doubt:
-            self._distrust_imu(self._doubts.doubt)
-            return self._fade_out()
+        if (doubts := self._doubts) is not None:
+            if why := doubts.doubt():
+                self._distrust_imu(why)
+                return self._fade_out()
+            if doubts.gyro_is_off():
+                self._list("imu", SensorTrouble.OFFSET)
         if not np.isfinite(output.q_command, out=self._is_number).all():
             return self._unheard(output)
         self._unanswered = 0
@@ -263,7 +266,7 @@ class Safety:
             self.abort(EndReason.CONTROLLER_FAILED, f"{name}: {told_of(error)}")
 
     def _distrust_imu(self, why: str) -> None:
-        self.losses.setdefault("imu", SensorTrouble.INCONSISTENT)
+        self._list("imu", SensorTrouble.INCONSISTENT)
         self.abort(EndReason.SENSOR_LOST, f"imu inconsistent: {why}")
 
     def _unheard(self, output: ControllerOutput) -> ControllerOutput:
@@ -295,12 +298,18 @@ class Safety:
     def _tell_offsets(self, found: list[bool]) -> None:
         for index, is_off in zip((LEFT_FT, RIGHT_FT), found, strict=True):
             if is_off:
-                self.losses.setdefault(SENSORS[index].name, SensorTrouble.OFFSET)
+                self._list(SENSORS[index].name, SensorTrouble.OFFSET)
+
+    def _list(self, sensor: str, why: SensorTrouble) -> None:
+        """List a sensor's first trouble; a loss is worse than an offset."""
+        if self.losses.get(sensor, SensorTrouble.OFFSET) is SensorTrouble.OFFSET:
+            self.losses[sensor] = why
 
     def _react_to_losses(self) -> None:
         """Go on without lost sensors, or give up."""
         health = self._health
-        self.losses = {**health.losses, **self.losses}
+        for sensor, why in health.losses.items():
+            self._list(sensor, why)
         if any(health.lost[index] for index in REQUIRED):
             self.abort(EndReason.SENSOR_LOST, health.in_words())
             return

@@ -104,6 +104,27 @@ def fault(sensor: str, kind: str, **more: Any) -> dict[str, Any]:
     return row | more
 
 
+class Noticing(Spy):
+    """A controller that has noticed a change of the gyroscope's bias."""
+
+    def gyro_is_off(self) -> bool:
+        return True
+
+
+def test_a_gyroscope_that_goes_off_is_named_and_still_used(walker: Robot) -> None:
+    # What notices it: test_sensor_biases.py.
+    table = {"name": "test", "delay": DELAY, "sensors": NOISE, "duration_s": 0.1}
+    sim = Simulation(walker, scenario_from_table(table, source="test"))
+    controller = Noticing(walker)
+    while not sim.finished:
+        sensed = sim.snapshot
+        sim.step(controller)
+        assert controller.given is sensed
+    assert sim.safety is not None
+    assert sim.safety.losses == {"imu": SensorTrouble.OFFSET}
+    assert sim.safety.state is ACTIVE
+
+
 # Every sensor and kind without a robot: test_health.py.
 @pytest.mark.closed_loop
 @pytest.mark.parametrize(

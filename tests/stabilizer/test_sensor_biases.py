@@ -176,6 +176,53 @@ def test_gyroscope_off_by_more_than_slow_ground_turns(model: RobotModel) -> None
     np.testing.assert_allclose(estimator.v[3:6], 0.0, atol=1e-4)
 
 
+@pytest.mark.parametrize(("axis", "size"), [(0, 0.03), (1, -0.02)])
+def test_a_gyroscope_that_goes_off_later_is_told_and_learnt(
+    model: RobotModel, axis: int, size: float
+) -> None:
+    """Learnt like a drift, the lean would last for a minute."""
+    off = np.zeros(3)
+    off[axis] = size
+    period_s = 2.0 * PERIOD_S
+    [(truth, felt)] = at_rest(model, duration_s=PERIOD_S).rows
+    estimator = Estimator(model, EstimatorSettings(), period_s=period_s)
+    leans, told_s = [], np.inf
+    for time_s in np.arange(0.0, 25.0, period_s).tolist():
+        if time_s < CALIBRATION_S:
+            estimator.calibrate(truth, wrenches=felt)
+            continue
+        wrong = truth.angular_velocity + (off if time_s > 1.0 else NO_BIAS)
+        estimator.update(replace(truth, angular_velocity=wrong), wrenches=felt)
+        leans.append(tilt_between(model.nominal_configuration(), estimator.q))
+        if estimator.gyro_is_off:
+            told_s = min(told_s, time_s)
+    assert told_s < 12.0
+    assert max(leans) > 2.0 * abs(size)
+    assert leans[-1] < 0.15 * max(leans)
+
+
+def test_ground_that_speeds_up_and_brakes_is_no_gyroscope_that_is_off(
+    model: RobotModel,
+) -> None:
+    """As in a bus, with 1 m/s^2 for three seconds each."""
+
+    def motion(time_s: float) -> Array:
+        q = model.nominal_configuration().copy()
+        speeds, brakes = np.clip([time_s - 1.0, time_s - 6.0], 0.0, 3.0)
+        after_s = max(time_s - 4.0, 0.0)
+        q[0] += 0.5 * speeds**2 + 3.0 * after_s - 0.5 * brakes**2
+        q[0] -= 3.0 * max(time_s - 9.0, 0.0)
+        return q
+
+    robot = KinematicRobot(model, motion)
+    rows = [
+        (robot.snapshot(time_s), robot.wrenches(time_s))
+        for time_s in np.arange(0.0, 15.0, 2.0 * PERIOD_S).tolist()
+    ]
+    estimator = follow(model, Readings(2.0 * PERIOD_S, rows))
+    assert not estimator.gyro_is_off
+
+
 def test_the_robot_knows_the_gravity_of_its_place(
     model: RobotModel, heaving: Readings
 ) -> None:

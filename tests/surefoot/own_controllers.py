@@ -6,6 +6,12 @@ from typing import Any
 
 import numpy as np
 
+from surefoot.stabilizer.whole_body.controller import WholeBodyController
+
+
+class Derived(WholeBodyController):
+    """Changes nothing of a shipped one."""
+
 
 class Stay:
     """Keeps the posture it began with; answers by a bare array."""

@@ -233,7 +233,8 @@ def test_what_of_a_walk_will_not_be_walked_is_told_beforehand(
     )
     found = walk_notice(make_plan(scenario))
     assert said in found if said else not found
-    assert not walk_notice(make_plan(scenario, controller="hold"))
+    held = walk_notice(make_plan(scenario, controller="hold"))
+    assert held == "no step will be taken: hold has no follow_plan(plan)"
 
 
 def test_legs_slower_than_the_steps_asked_for_are_told_beforehand() -> None:

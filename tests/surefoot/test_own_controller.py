@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import inspect
 import json
 import re
 from collections.abc import Callable
@@ -11,13 +12,19 @@ import numpy as np
 import pytest
 
 import surefoot as sf
+from surefoot.robot_io.robot import load_robot
+from surefoot.schemas.scenario import scenario_from_table
+from surefoot.schemas.settings import ControllerSettings
+from surefoot.stabilizer import controller as controllers
 from surefoot.stabilizer import foreign
+from surefoot.stabilizer.whole_body.controller import WholeBodyController
 from tests.command import Surefoot, run_surefoot, scenario_file
 from tests.surefoot import own_controllers as own
 
 HERE = Path(__file__).parent
 STAY = f"{HERE / 'own_controllers.py'}:Stay"
 SCENARIO = sf.Scenario(name="own", duration_s=0.3)
+ONE_STEP = {"start_s": 0.2, "step": [{"side": "left", "position_m": [0.1, 0.11]}]}
 
 
 @pytest.fixture(scope="module")
@@ -59,6 +66,35 @@ def test_a_module_of_a_package_and_an_entry_point(
         assert run.result.log_sha256 == held
         assert run.result.controller == name
     assert sf.list_controllers() == ["whole-body", "zmp", "hold", "mine"]
+
+
+def test_a_class_derived_from_a_shipped_one_may_do_all_that_it_may() -> None:
+    walker = load_robot("walker")
+    shipped = WholeBodyController(walker, ControllerSettings())
+    derived = foreign.adapt(own.Derived(walker, ControllerSettings()), walker)
+    assert isinstance(derived, foreign.ForeignController)
+    optional = [
+        kind
+        for kind in vars(controllers).values()
+        if inspect.isclass(kind) and getattr(kind, "_is_runtime_protocol", False)
+    ]
+    assert controllers.Walks in optional
+    for kind in optional:
+        assert isinstance(shipped, kind)
+        assert isinstance(derived, kind)
+
+
+@pytest.mark.closed_loop
+def test_a_class_derived_from_a_shipped_one_walks_the_same_walk() -> None:
+    scenario = scenario_from_table(
+        {"name": "walk", "duration_s": 3.0, "walk": ONE_STEP}, source="test"
+    )
+    runs = [
+        sf.simulate("walker", scenario, controller=name).result
+        for name in ("whole-body", own.Derived)
+    ]
+    assert runs[0].steps_done
+    assert runs[0].log_sha256 == runs[1].log_sha256
 
 
 @pytest.mark.parametrize(
