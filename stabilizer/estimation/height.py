@@ -36,7 +36,7 @@ KNOWN_S = 5.0
 """Time after which the height is trusted; a fiftieth of it on still ground."""
 GROUND_M, GROUND_M_S, LIKELY_BIAS_M_S2 = 0.05, 0.3, 0.05
 """Standard deviations for ground that moves at the start: height, speed, and bias not
-yet seen."""
+yet seen, if feet and accelerometer agree."""
 GROUND_CORRELATION_S = 0.25
 """Time for which moving ground keeps its height."""
 DOUBT = 4.0
@@ -93,10 +93,11 @@ class HeightFilter:
     filter without prior knowledge (:class:`Learnt`) are used for as long as they are
     greater. The less is known, the more the robot rides with the ground.
 
-    The ground is assumed level on average, within the legs' stroke. Ground that goes
-    farther takes the level along, gently and from before the stroke's end. From there
-    the pull leads back without overshoot. If this goes on, as on a ship's deck, the
-    ground is ridden: only the height over it counts. Height and rate refer to the
+    The ground is assumed level on average, within the legs' stroke. Until the height is
+    known, an estimate beyond is wrong, and so are rate and bias. Later, ground that
+    goes farther takes the level along, gently and from before the stroke's end. From
+    there the pull leads back without overshoot. If this goes on, as on a ship's deck,
+    the ground is ridden: only the height over it counts. Height and rate refer to the
     level.
 
     Attributes:
@@ -187,7 +188,9 @@ class HeightFilter:
         self._leg_mean = rate
         self._ground_speed = 0.1 if moves else 0.0
         # What feet and accelerometer share is the ground or chance; time will show.
-        self._doubt(LIKELY_BIAS_M_S2 if moves else abs(mean - bias))
+        # On moving ground the bias may be all by which accelerometer and feet differ.
+        likely = math.hypot(LIKELY_BIAS_M_S2, self._feet.usual)
+        self._doubt(likely if moves else abs(mean - bias))
 
     def update(
         self,
@@ -231,6 +234,7 @@ class HeightFilter:
             k_1 += share * (s_1 - k_1)
             k_2 += share * (s_2 - k_2)
             k_3 += share * (s_3 - k_3)
+        by_rate, by_bias = k_2 / k_1, k_3 / k_1
         self._go_along(self._rate - rate)
         is_led = self._is_at_end or abs(self._level_rate) > LEVEL_MOVES_M_S
         if is_led and stillness < MOVES:
@@ -242,6 +246,9 @@ class HeightFilter:
         lowest, highest = self._stroke
         within = min(max(ground, lowest), highest)
         self._height += within - ground
+        if not self._is_known:  # nor are rate and bias, by what they share with it
+            self._rate += by_rate * (within - ground)
+            self.bias -= by_bias * (within - ground)
         self._over = within
         self._is_at_end = within != ground
         if self._is_taken or self._is_at_end:

@@ -247,6 +247,28 @@ def test_ground_that_moves_at_the_start_is_no_bias(
     assert abs(np.mean(lasting)) < 0.25 * amplitude
 
 
+@pytest.mark.parametrize("phase_deg", [0.0, 120.0, 240.0])
+@pytest.mark.parametrize("frequency_hz", [0.25, 0.96])
+@pytest.mark.parametrize(
+    ("bias", "load", "off"), [(0.3, 0.0, 0.15), (0.15, -0.15, 0.15), (-0.3, -0.25, 0.6)]
+)
+def test_a_large_bias_on_ground_that_moves_at_the_start_is_learnt(
+    bias: float, load: float, off: float, frequency_hz: float, phase_deg: float
+) -> None:
+    """Feet that are off by a load may show it, or hide it: that takes longer."""
+    amplitude, phase = 0.05, np.radians(phase_deg)
+
+    def heaving(time_s: float) -> float:
+        return amplitude * float(np.sin(2.0 * np.pi * frequency_hz * time_s + phase))
+
+    truth, estimate = follow(
+        heaving, duration_s=14.0, bias=bias, by_feet=lambda _: load, moves=True
+    )
+    lasting = (estimate - truth)[round(10.0 / PERIOD_S) :]
+    assert abs(np.mean(lasting)) < off * amplitude
+    assert np.abs(estimate).max() < 1.4 * amplitude
+
+
 def swinging(time_s: float, *, frequency_hz: float) -> float:
     moved = frequency_hz * max(time_s - 1.0, 0.0)
     fade = min(moved, 1.0)
