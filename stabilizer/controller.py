@@ -16,6 +16,7 @@ from surefoot.robot_io.robot import Robot
 from surefoot.robot_io.snapshot import Snapshot
 from surefoot.schemas.arrays import Array, Vec3
 from surefoot.schemas.messages import Reference
+from surefoot.schemas.reasons import SensorTrouble
 from surefoot.schemas.settings import ControllerSettings
 from surefoot.schemas.walk_plan import WalkPlan
 from surefoot.stabilizer.qp import QpData, QpSolution, QpStatus
@@ -94,8 +95,10 @@ class Controller(Protocol):
     """
 
     name: str
-    failure: QpData | None
-    """The first QP that could not be solved, if any."""
+
+    @property
+    def failure(self) -> QpData | None:
+        """The first QP that could not be solved, if any."""
 
     def start(self, snapshot: Snapshot, q_command: Array) -> None:
         """Begin on a robot that stands still; called once, before any step.
@@ -167,6 +170,11 @@ class Degradable(Protocol):
             lost: whether left and right ankle sensor are lost.
         """
 
+
+@runtime_checkable
+class UndoesOverload(Protocol):
+    """A controller that takes back what false forces made it do; others go on."""
+
     def undo_overload(
         self, q_command: Array, *, ticks: int, sides: tuple[bool, bool]
     ) -> None:
@@ -183,11 +191,11 @@ class Degradable(Protocol):
 class Doubts(Protocol):
     """A controller that compares the IMU with legs and feet."""
 
-    def doubt(self) -> str:
-        """Return why the IMU cannot be right, in words; empty while it can."""
+    def imu_trouble(self) -> tuple[SensorTrouble | None, str]:
+        """Return what is wrong with the IMU, and why in words.
 
-    def gyro_is_off(self) -> bool:
-        """Return whether the learnt bias of the gyroscope has changed."""
+        With an offset the run goes on, with any other trouble it ends.
+        """
 
 
 class BalanceController(ABC):
@@ -203,6 +211,7 @@ class BalanceController(ABC):
         failure: the first QP that could not be solved, kept for replay.
     """
 
+    name: str
     observer: Observer
 
     def __init__(self, robot: Robot, settings: ControllerSettings) -> None:
@@ -217,19 +226,25 @@ class BalanceController(ABC):
         self.stance = standing(self.model)
         self.com_wanted = self.stance.com
         self.failure: QpData | None = None
-        self._tick = 0
+        self._tick, self._is_started = 0, False
         self._owed, self._most_owed = 0.0, MOST_OWED_S / robot.period_s
 
-    def doubt(self) -> str:
+    def imu_trouble(self) -> tuple[SensorTrouble | None, str]:
         """See :class:`Doubts`."""
-        return self.observer.doubt
-
-    def gyro_is_off(self) -> bool:
-        """See :class:`Doubts`."""
-        return self.observer.gyro_is_off
+        return self.observer.imu_trouble
 
     def start(self, snapshot: Snapshot, q_command: Array) -> None:
-        """Begin on a robot that stands still, once."""
+        """Begin on a robot that stands still, once.
+
+        Raises:
+            ControllerError: it has been started before.
+        """
+        if self._is_started:
+            raise ControllerError(
+                f"controller {self.name}: started twice, expected a new one for each "
+                "start: it knows the last run"
+            )
+        self._is_started = True
         self.observer.start(snapshot)
         self._take_over(q_command[self.model.to_model])
 

@@ -32,6 +32,7 @@ from surefoot.stabilizer.controller import (
     Doubts,
     PassesOver,
     Tunable,
+    UndoesOverload,
     Walks,
 )
 from surefoot.stabilizer.qp import QpData
@@ -42,7 +43,7 @@ ControllerMaker = Callable[[Robot, ControllerSettings], Controller]
 
 ENTRY_POINTS = "surefoot.controllers"
 """Entry-point group in which other packages offer controllers by name."""
-_PROTOCOLS = (PassesOver, Tunable, Walks, Degradable, Doubts)
+_PROTOCOLS = (PassesOver, Tunable, Walks, Degradable, UndoesOverload, Doubts)
 OPTIONAL = tuple(
     name for kind in _PROTOCOLS for name in vars(kind) if not name.startswith("_")
 )
@@ -50,6 +51,11 @@ OPTIONAL = tuple(
 _CALLERS = ("<", str(Path(__file__).parents[1]), str(Path(importlib.__file__).parent))
 """Beginnings of files that call a user's code: frozen, the library's, importlib's."""
 _LONGEST_TEXT = 200
+_SIZES = {
+    "F_id": 12, "F_meas": 12, "com": 3, "com_reference": 3, "base_pose": 7,
+    "base_twist": 6, "r": 12,
+}  # fmt: skip
+"""Lengths of the optional arrays of a :class:`ControllerOutput`, but ``v_joint``."""
 
 
 def told_of(error: BaseException) -> str:
@@ -128,7 +134,9 @@ def maker_of(name: str, target: Any) -> ControllerMaker:
     def make(robot: Robot, settings: ControllerSettings) -> Controller:
         with _blamed(name):
             made = target(*(robot, settings)[:given])
-        return adapt(made, robot, name=name)
+        adapted = adapt(made, robot, name=name)
+        adapted.name = name  # a shipped one's, too: it may have another solver or task
+        return adapted
 
     return make
 
@@ -152,7 +160,10 @@ def _blamed(name: str) -> Iterator[None]:
 
 
 def takes(target: Any) -> int:
-    """Return how many of robot and settings a maker takes."""
+    """Return how many of robot and settings a maker takes.
+
+    A parameter with a default is one of its own, unless it has their name.
+    """
     try:
         parameters = inspect.signature(target).parameters.values()
     except (TypeError, ValueError):  # not callable, or does not tell
@@ -161,7 +172,13 @@ def takes(target: Any) -> int:
     if inspect.Parameter.VAR_POSITIONAL in kinds:
         return 2
     last = inspect.Parameter.POSITIONAL_OR_KEYWORD  # after those without a keyword
-    return min(2, sum(kind <= last for kind in kinds))
+    count = 0
+    for name, parameter in zip(("robot", "settings"), parameters, strict=False):
+        is_own = parameter.default is not parameter.empty and parameter.name != name
+        if parameter.kind > last or is_own:
+            break
+        count += 1
+    return count
 
 
 def _module(place: str) -> ModuleType:
@@ -233,7 +250,6 @@ class ForeignController:
     Attributes:
         name: as reported on status.
         inner: the object itself.
-        failure: always None; a foreign controller keeps its own failures.
     """
 
     def __init__(self, inner: Any, *, n_a: int, name: str | None = None) -> None:
@@ -251,13 +267,19 @@ class ForeignController:
             )
         self.inner = inner
         self.name = name or str(getattr(inner, "name", kind))
-        self.failure: QpData | None = None
         self._n_a = n_a
-        self._takes_reference = _takes_two(inner.step)
+        self._sizes = {"q_command": n_a, "v_joint": n_a, **_SIZES}
+        self._step = _with_reference(inner.step)
         self._output = ControllerOutput(np.zeros(n_a))
         for method in OPTIONAL:
             if callable(getattr(inner, method, None)):
                 setattr(self, method, getattr(inner, method))
+
+    @property
+    def failure(self) -> QpData | None:
+        """The first QP that could not be solved, if the object keeps it."""
+        kept = getattr(self.inner, "failure", None)
+        return kept if isinstance(kept, QpData) else None
 
     def start(self, snapshot: Snapshot, q_command: np.ndarray) -> None:
         """Begin on a robot that stands still; see :meth:`Controller.start`."""
@@ -269,39 +291,57 @@ class ForeignController:
         """Answer one tick.
 
         Raises:
-            ControllerError: the answer is not one number per joint.
+            ControllerError: the answer is not one number per joint, or another field
+                has not the form that :class:`ControllerOutput` states.
         """
-        answer = (
-            self.inner.step(snapshot, reference)
-            if self._takes_reference
-            else self.inner.step(snapshot)
-        )
-        if isinstance(answer, ControllerOutput):
-            self._check(answer.q_command)
-            return answer
         try:
-            q_command = np.asarray(answer, dtype=np.float64)
-        except (TypeError, ValueError):
-            q_command = np.zeros(0)
-        self._check(q_command, answer)
-        self._output.q_command = q_command
-        return self._output
-
-    def _check(self, q_command: np.ndarray, answer: object = None) -> None:
-        if q_command.shape != (self._n_a,):
-            got = f"shape {q_command.shape}" if q_command.size else repr(answer)[:60]
+            answer = self._step(snapshot, reference)
+        except SystemExit as error:
             raise ControllerError(
-                f"controller {self.name}: step returned {got}, expected "
-                f"({self._n_a},): one position per joint of the robot file [rad]"
+                f"controller {self.name}: {told_of(error)}"
+            ) from error
+        if not isinstance(answer, ControllerOutput):
+            q_command, answer = answer, self._output
+            answer.q_command = q_command
+        for field, size in self._sizes.items():
+            value = getattr(answer, field)
+            if value is not None or field == "q_command":
+                setattr(answer, field, self._numbers(field, value, size))
+        if answer.in_contact is not None:
+            left, right = self._numbers("in_contact", answer.in_contact, 2).tolist()
+            answer.in_contact = (bool(left), bool(right))
+        return answer
+
+    def _numbers(self, field: str, value: Any, size: int) -> np.ndarray:
+        """Return a field of the answer as an array; it may be a list or a tuple."""
+        try:
+            numbers = np.asarray(value, dtype=np.float64)
+        except (TypeError, ValueError):
+            numbers = np.zeros(0)
+        if numbers.shape == (size,):
+            return numbers
+        got = f"shape {numbers.shape}" if numbers.size else repr(value)[:60]
+        if field == "q_command":
+            raise ControllerError(
+                f"controller {self.name}: step returned {got}, expected ({size},): one "
+                "position per joint of the robot file [rad]"
             )
+        raise ControllerError(
+            f"controller {self.name}: step returned {field} of {got}, expected "
+            f"({size},); see ControllerOutput"
+        )
 
 
-def _takes_two(step: Any) -> bool:
-    """Return whether a method can be called with snapshot and reference."""
+def _with_reference(step: Callable[..., Any]) -> Callable[..., Any]:
+    """Return a step as a function of snapshot and reference, however it takes them."""
     try:
-        inspect.signature(step).bind(None, None)
+        signature = inspect.signature(step)
+    except ValueError:  # it does not tell
+        return step
+    try:
+        signature.bind(None, None)
     except TypeError:
-        return False
-    except ValueError:
-        return True
-    return True
+        if "reference" in signature.parameters:
+            return lambda snapshot, reference: step(snapshot, reference=reference)
+        return lambda snapshot, _: step(snapshot)
+    return step

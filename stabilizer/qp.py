@@ -274,7 +274,8 @@ class DenseQp:
             or np.isnan(self.x_u).any()
         ):
             return self.failed(QpStatus.NOT_FINITE)
-        status, x, z, z_box = self._solver.solve(self)
+        answer, x, z, z_box = self._solver.solve(self)
+        status = QpStatus(answer)
         if status is not QpStatus.OK:
             return self.failed(status)
         return QpSolution(x, status, True, z, z_box, self)

@@ -21,7 +21,12 @@ from surefoot.schemas.motions import Motion
 from surefoot.schemas.scenario import Push, SensorFault
 from surefoot.schemas.scenario_robot import Delay, Payload, Rod
 from surefoot.stabilizer import factory
-from surefoot.stabilizer.controller import Controller, HoldController, Walks
+from surefoot.stabilizer.controller import (
+    CONTROLLERS,
+    Controller,
+    HoldController,
+    Walks,
+)
 from surefoot.stabilizer.foreign import find_target
 
 if TYPE_CHECKING:
@@ -182,7 +187,7 @@ def walk_notice(plan: RunPlan) -> str:
     walk = plan.walk
     if walk is None:
         return ""
-    if plan.controller not in _WALKS:
+    if not _is_a(plan, *_WALKS):
         is_hold = plan.controller == HoldController.name
         kind = HoldController if is_hold else find_target(plan.controller)
         if inspect.isclass(kind) and not issubclass(kind, Walks):
@@ -260,8 +265,18 @@ def notices(plan: RunPlan) -> list[str]:
     return [said for notice in told if (said := notice(plan))]
 
 
+def _is_a(plan: RunPlan, *shipped: str) -> bool:
+    """Return whether its controller is one of these, or a class derived from one."""
+    if plan.controller in CONTROLLERS:
+        return plan.controller in shipped
+    kind = find_target(plan.controller)
+    bases = kind.__mro__ if inspect.isclass(kind) else ()
+    ours = [base for base in bases if base.__module__.startswith("surefoot.stabilizer")]
+    return any(vars(base).get("name") in shipped for base in ours)
+
+
 def _borne_ms(plan: RunPlan) -> float:
-    if plan.controller != "whole-body":
+    if not _is_a(plan, "whole-body"):
         return math.inf
     from surefoot.stabilizer.control.drives import borne_delay
 

@@ -11,13 +11,14 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Protocol, runtime_checkable
+from typing import Protocol
 
 import numpy as np
 
 from surefoot.robot_io.snapshot import Snapshot
 from surefoot.schemas.arrays import Array, Mat
 from surefoot.schemas.messages import ForceTorque
+from surefoot.schemas.reasons import SensorTrouble
 from surefoot.schemas.sensors import SENSORS
 from surefoot.schemas.settings import ControllerSettings
 from surefoot.stabilizer.dynamics import NORMAL, SOLE_ROWS
@@ -36,6 +37,8 @@ FORCES = tuple(
     index for index, entry in enumerate(SENSORS) if entry.message is ForceTorque
 )
 MOTION = tuple(index for index in range(len(SENSORS)) if index not in FORCES)
+AT_REST, NO_OFFSETS = (0.0, 0.0), (0.0, 0.0)
+"""Ground acceleration [m/s^2] and force offsets [N] of an estimator that knows none."""
 HURRIED_S = 0.1
 """Time after which calibration may end early on fast turning ground [s]."""
 
@@ -84,6 +87,10 @@ class ReadingAges:
 class StateEstimator(Protocol):
     """Estimates base and joints; :class:`Estimator` is one.
 
+    What else of :class:`Estimator` it has is used, too: ``anchors`` (without them no
+    steps are taken), ``ground_acceleration``, ``force_offsets``, ``pass_over``,
+    ``doubt`` and ``gyro_is_off``.
+
     Attributes:
         q: (7 + n_a,) configuration in the stance frame, joints in model order.
         v: (6 + n_a,) velocity, base twist in base first.
@@ -110,17 +117,6 @@ class StateEstimator(Protocol):
 
     def update(self, snapshot: Snapshot, *, wrenches: Array | None) -> None:
         """Advance by one tick."""
-
-
-@runtime_checkable
-class Odometry(Protocol):
-    """An estimator that keeps track when the feet are moved.
-
-    Attributes:
-        anchors: places where the feet were set down; a walk says which are not planted.
-    """
-
-    anchors: Anchors
 
 
 class SoleKinematics(Protocol):
@@ -181,7 +177,6 @@ class Observer:
         contacts: decides which feet stand.
         state: state at the last tick.
         lost: whether the left and the right ankle sensor are left out.
-        doubt: after calibration, why the readings cannot all be right; else empty.
     """
 
     def __init__(
@@ -219,14 +214,14 @@ class Observer:
         self._measured: Array | None = None
         self._reported: Array = np.zeros(12)
         self.lost = (False, False)
-        self.doubt = ""
+        self._doubt = ""
         self._instead: Array = np.zeros(12)
         self.state = ObservedState(
             q=self.estimator.q,
             v=self.estimator.v,
             R_world_base=self.estimator.R_world_base,
             ground_height=self.estimator.ground_height,
-            ground_acceleration=(0.0, 0.0),
+            ground_acceleration=AT_REST,
             F_meas=self.wrenches.F_meas,
             in_contact=self.contacts.in_contact,
             allowed=self.contacts.allowed,
@@ -235,15 +230,17 @@ class Observer:
         )
 
     @property
-    def gyro_is_off(self) -> bool:
-        """Whether the learnt bias of the gyroscope has changed since the start."""
-        estimator = self.estimator
-        return isinstance(estimator, Estimator) and estimator.gyro_is_off
+    def imu_trouble(self) -> tuple[SensorTrouble | None, str]:
+        """What is wrong with the IMU, and why in words."""
+        if self._doubt:
+            return SensorTrouble.INCONSISTENT, self._doubt
+        is_off = getattr(self.estimator, "gyro_is_off", False)
+        return SensorTrouble.OFFSET if is_off else None, ""
 
     @property
     def anchors(self) -> Anchors | None:
         """Places where the feet were set down; None if the estimator knows no steps."""
-        return self.estimator.anchors if isinstance(self.estimator, Odometry) else None
+        return getattr(self.estimator, "anchors", None)
 
     def start(self, snapshot: Snapshot) -> None:
         """Begin on a robot that stands still, once."""
@@ -266,17 +263,17 @@ class Observer:
         state.q, state.v = estimator.q, estimator.v
         state.R_world_base = estimator.R_world_base
         state.ground_height = estimator.ground_height
-        if isinstance(estimator, Estimator):
-            state.ground_acceleration = estimator.ground_acceleration
+        state.ground_acceleration = getattr(estimator, "ground_acceleration", AT_REST)
         kinematics.update(state.q, state.v)
         F_meas = self.wrenches.update(
             snapshot.ft_left, snapshot.ft_right, kinematics.R_world_sole
         )
         self._measured = F_meas
-        if isinstance(estimator, Estimator) and any(estimator.force_offsets):
+        offsets = getattr(estimator, "force_offsets", NO_OFFSETS)
+        if any(offsets):
             self._measured = self._reported
             self._reported[:] = F_meas
-            F_meas[NORMAL::6] -= estimator.force_offsets
+            F_meas[NORMAL::6] -= offsets
         if any(self.lost):
             self._assume(F_meas)
             self._measured = None
@@ -297,8 +294,8 @@ class Observer:
         estimator = self.estimator
         if self._is_calibrating():
             self._calibrate(snapshot)
-        elif isinstance(estimator, Estimator):
-            estimator.pass_over(snapshot)
+        elif (pass_over := getattr(estimator, "pass_over", None)) is not None:
+            pass_over(snapshot)
         else:
             estimator.update(snapshot, wrenches=self._measured)
         return self.state
@@ -311,7 +308,7 @@ class Observer:
         state.active_s = self._since_start_s - self._calibration_s
         state.is_calibrating = self._since_start_s < self._calibration_s
         if was_calibrating and not state.is_calibrating:
-            self.doubt = estimator.doubt if isinstance(estimator, Estimator) else ""
+            self._doubt = getattr(estimator, "doubt", "")
         return state.is_calibrating
 
     def _calibrate(self, snapshot: Snapshot) -> None:

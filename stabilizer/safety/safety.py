@@ -17,7 +17,7 @@ from surefoot.robot_io.robot import Robot
 from surefoot.robot_io.snapshot import Ages, Snapshot
 from surefoot.schemas.arrays import Array
 from surefoot.schemas.messages import Reference
-from surefoot.schemas.reasons import EndReason, SensorTrouble, StabilizerState
+from surefoot.schemas.reasons import EndReason, SensorTrouble, StabilizerState, plain
 from surefoot.schemas.sensors import SENSORS
 from surefoot.schemas.settings import ControllerSettings, SafetySettings
 from surefoot.schemas.walk_plan import WalkPlan
@@ -28,6 +28,7 @@ from surefoot.stabilizer.controller import (
     Doubts,
     PassesOver,
     Tunable,
+    UndoesOverload,
     Walks,
 )
 from surefoot.stabilizer.estimation.wrenches import ForceOffsets, VirtualWrenches
@@ -174,12 +175,12 @@ class Safety:
         if self._gives_up():
             return self._fade_out()
         output = self.controller.step(believed, reference)
-        if (doubts := self._doubts) is not None:
-            if why := doubts.doubt():
-                self._distrust_imu(why)
+        if self._doubts is not None:
+            trouble, why = self._doubts.imu_trouble()
+            if trouble is not None:
+                self._distrust_imu(trouble, why)
+            if self._gives_up():
                 return self._fade_out()
-            if doubts.gyro_is_off():
-                self._list("imu", SensorTrouble.OFFSET)
         if not np.isfinite(output.q_command, out=self._is_number).all():
             return self._unheard(output)
         self._unanswered = 0
@@ -234,7 +235,8 @@ class Safety:
         for _ in range(max(1, min(ticks, self._bridge_ticks))):
             self._turns.update(believed)
         if self._turns.are_apart:
-            self._distrust_imu(self._turns.in_words())
+            trouble = SensorTrouble.INCONSISTENT
+            self._distrust_imu(trouble, self._turns.in_words())
         self._look_for_fall(believed)
         return believed
 
@@ -265,9 +267,10 @@ class Safety:
             name = self.controller.name
             self.abort(EndReason.CONTROLLER_FAILED, f"{name}: {told_of(error)}")
 
-    def _distrust_imu(self, why: str) -> None:
-        self._list("imu", SensorTrouble.INCONSISTENT)
-        self.abort(EndReason.SENSOR_LOST, f"imu inconsistent: {why}")
+    def _distrust_imu(self, trouble: SensorTrouble, why: str) -> None:
+        self._list("imu", trouble)
+        if trouble is not SensorTrouble.OFFSET:
+            self.abort(EndReason.SENSOR_LOST, f"imu {plain(trouble)}: {why}")
 
     def _unheard(self, output: ControllerOutput) -> ControllerOutput:
         """Deal with an answer that is not a posture.
@@ -343,7 +346,7 @@ class Safety:
         self._degraded = feet
         if isinstance(controller, Degradable):
             controller.degrade(feet)
-            if any(overloaded):
+            if any(overloaded) and isinstance(controller, UndoesOverload):
                 before, ticks = self._command_before_overload(overloaded)
                 controller.undo_overload(before, ticks=ticks, sides=overloaded)
         return True

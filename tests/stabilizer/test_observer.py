@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -11,10 +12,12 @@ import pytest
 from surefoot.robot_io.robot import Robot
 from surefoot.robot_io.snapshot import Snapshot
 from surefoot.schemas.arrays import Array
+from surefoot.schemas.reasons import SensorTrouble
 from surefoot.schemas.settings import ControllerSettings, build_settings
 from surefoot.stabilizer.control.reference import standing
 from surefoot.stabilizer.controller import ControllerOutput
 from surefoot.stabilizer.dynamics import Dynamics
+from surefoot.stabilizer.estimation.estimator import Estimator
 from surefoot.stabilizer.estimation.observer import Observer
 from surefoot.stabilizer.model import GRAVITY, RobotModel
 from surefoot.stabilizer.whole_body.controller import WholeBodyController
@@ -90,6 +93,68 @@ class SureEstimator:
         self.q = self.q.copy()
         self.q[0] = 0.001 * len(self.told)
         self.ground_height = -self.q[0]
+
+
+class WrappedEstimator:
+    """An estimator that has all that the project's own has, and is none of it."""
+
+    def __init__(self, inner: Estimator) -> None:
+        self.inner = inner
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self.inner, name)
+
+
+@CONTROLLERS
+def test_all_of_an_estimator_from_outside_is_used(
+    walker: Robot,
+    model: RobotModel,
+    moving_run: Run,
+    make: Callable[..., WholeBodyController | ZmpController],
+) -> None:
+    own = make(walker, SETTINGS)
+    inner = Estimator(model, SETTINGS.estimator, period_s=PERIOD_S)
+    wrapped = make(walker, SETTINGS, estimator=WrappedEstimator(inner))
+    first, *others = moving_run.snapshots
+    for controller in (own, wrapped):
+        controller.start(first, walker.nominal)
+    assert wrapped.observer.anchors is not None
+    for count, snapshot in enumerate(others):
+        if count % 5 == 4:
+            own.pass_over(snapshot)
+            wrapped.pass_over(snapshot)
+            continue
+        q_command = own.step(snapshot).q_command
+        np.testing.assert_array_equal(q_command, wrapped.step(snapshot).q_command)
+    seen = wrapped.observer.state.ground_acceleration
+    assert seen is inner.ground_acceleration
+
+
+@pytest.mark.parametrize(
+    ("name", "value", "trouble"),
+    [
+        ("doubt", "it is off", (SensorTrouble.INCONSISTENT, "it is off")),
+        ("gyro_is_off", True, (SensorTrouble.OFFSET, "")),
+    ],
+)
+def test_what_an_estimator_from_outside_doubts_is_told(
+    model: RobotModel, snapshot: Snapshot, name: str, value: object, trouble: object
+) -> None:
+    estimator = SureEstimator(model)
+    observer = Observer(
+        model,
+        SETTINGS,
+        Dynamics(model),
+        largest_force=1e3,
+        period_s=PERIOD_S,
+        estimator=estimator,
+    )
+    observer.start(snapshot)
+    assert observer.imu_trouble == (None, "")
+    setattr(estimator, name, value)
+    for _ in range(CALIBRATION_TICKS + 1):
+        observer.update(snapshot)
+    assert observer.imu_trouble == trouble
 
 
 @CONTROLLERS

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 import pytest
 
@@ -183,12 +185,11 @@ def test_a_solver_runs_only_where_limits_press(
 
 
 class Claim:
-    """A solver that returns a given answer."""
+    """A solver that returns a given answer, with its status as plain text."""
 
     def __init__(self, x: list[float], z: float, z_box: list[float]) -> None:
-        self._answer = SolverAnswer(
-            QpStatus.OK, np.array(x), np.array([z]), np.array(z_box)
-        )
+        status: Any = "ok"
+        self._answer = SolverAnswer(status, np.array(x), np.array([z]), np.array(z_box))
 
     def solve(self, qp: DenseQp) -> SolverAnswer:
         return self._answer

@@ -107,8 +107,8 @@ def fault(sensor: str, kind: str, **more: Any) -> dict[str, Any]:
 class Noticing(Spy):
     """A controller that has noticed a change of the gyroscope's bias."""
 
-    def gyro_is_off(self) -> bool:
-        return True
+    def imu_trouble(self) -> tuple[SensorTrouble, str]:
+        return SensorTrouble.OFFSET, ""
 
 
 def test_a_gyroscope_that_goes_off_is_named_and_still_used(walker: Robot) -> None:

@@ -6,6 +6,8 @@ from typing import Any
 
 import numpy as np
 
+from surefoot.schemas.settings import ControllerSettings
+from surefoot.stabilizer.controller import ControllerOutput
 from surefoot.stabilizer.whole_body.controller import WholeBodyController
 
 
@@ -79,6 +81,56 @@ class RaisesAtStart(Stay):
 
     def start(self, snapshot: Any, q_command: np.ndarray) -> None:
         raise LookupError("no such\ngain")
+
+
+class Exits(Stay):
+    """Leaves as a script does."""
+
+    def step(self, snapshot: Any, reference: Any = None) -> np.ndarray:
+        raise SystemExit(3)
+
+
+class Tells(Stay):
+    """Answers with a whole output, in the forms that are at hand."""
+
+    wrong: Any = None
+
+    def step(self, snapshot: Any, reference: Any = None) -> ControllerOutput:
+        answer: Any = ControllerOutput(self.q)
+        answer.q_command = self.q.tolist()
+        answer.F_id, answer.com = [0.0] * 12, (0.0, 0.0, 0.8)
+        answer.in_contact = np.array([True, False])
+        if self.wrong is not None:
+            answer.F_meas = self.wrong
+        return answer
+
+
+class TellsTooLittle(Tells):
+    """Answers with the wrench of one foot."""
+
+    wrong = np.zeros(6)
+
+
+class ByKeyword(Stay):
+    """Takes the reference by keyword only."""
+
+    heard: Any = None
+
+    def step(self, snapshot: Any, *, reference: Any = None) -> np.ndarray:
+        self.heard = reference
+        return self.q
+
+
+class OfItsOwn(Stay):
+    """Has a parameter of its own."""
+
+    def __init__(self, robot: Any, gain: float = 3.0) -> None:
+        self.gain = gain
+
+
+def with_name(robot: Any) -> WholeBodyController:
+    """Return a shipped controller, as one that gets another task or solver."""
+    return WholeBodyController(robot, ControllerSettings())
 
 
 class NoStep:

@@ -246,6 +246,8 @@ def test_legs_slower_than_the_steps_asked_for_are_told_beforehand() -> None:
     assert not walk_notice(plan)
     slow = replace(plan, robot=with_speeds(plan.robot, 0.32, only="hip_yaw"))
     assert "the legs need 2." in walk_notice(slow)
+    own = replace(slow, controller="tests.surefoot.own_controllers:Derived")
+    assert walk_notice(own) == walk_notice(slow)
 
 
 def test_what_of_a_scenario_begins_after_its_end_is_told_beforehand() -> None:

@@ -7,16 +7,19 @@ import json
 import re
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 
 import surefoot as sf
+from surefoot.controllers import make_controller
 from surefoot.robot_io.robot import load_robot
 from surefoot.schemas.scenario import scenario_from_table
 from surefoot.schemas.settings import ControllerSettings
 from surefoot.stabilizer import controller as controllers
 from surefoot.stabilizer import foreign
+from surefoot.stabilizer.qp import DenseQp, QpStatus
 from surefoot.stabilizer.whole_body.controller import WholeBodyController
 from tests.command import Surefoot, run_surefoot, scenario_file
 from tests.surefoot import own_controllers as own
@@ -79,7 +82,8 @@ def test_a_class_derived_from_a_shipped_one_may_do_all_that_it_may() -> None:
         if inspect.isclass(kind) and getattr(kind, "_is_runtime_protocol", False)
     ]
     assert controllers.Walks in optional
-    for kind in optional:
+    for kind in optional:  # one method each, so that none is half there
+        assert len([name for name in vars(kind) if not name.startswith("_")]) == 1
         assert isinstance(shipped, kind)
         assert isinstance(derived, kind)
 
@@ -147,9 +151,61 @@ def test_what_is_no_controller_is_refused(run: Callable[..., sf.Run]) -> None:
         run("walker", SCENARIO, controller=3)
 
 
-def test_a_wrong_answer_is_refused_in_words() -> None:
-    with pytest.raises(sf.ControllerError, match=r"\(27,\), expected \(28,\)"):
-        sf.simulate("walker", SCENARIO, controller=own.TooShort())
+@pytest.mark.parametrize(
+    ("controller", "told"),
+    [
+        (own.TooShort(), r"shape \(27,\), expected \(28,\)"),
+        (own.TellsTooLittle(), r"F_meas of shape \(6,\), expected \(12,\)"),
+        (own.Exits(), r"SystemExit: 3 \(own_controllers.py, line \d+\)"),
+    ],
+)
+def test_a_wrong_answer_is_refused_in_words(controller: object, told: str) -> None:
+    with pytest.raises(sf.ControllerError, match=told):
+        sf.simulate("walker", SCENARIO, controller=controller)
+
+
+def test_an_answer_may_have_lists_and_tuples(held: str) -> None:
+    run = sf.simulate("walker", SCENARIO, controller=own.Tells(), record=True)
+    assert run.result.log_sha256 == held
+    np.testing.assert_array_equal(run.signals["in_contact"][-1], [1, 0])
+    np.testing.assert_array_equal(run.signals["F_id"][-1], 0.0)
+
+
+def test_a_reference_may_be_taken_by_keyword() -> None:
+    inner = own.ByKeyword()
+    adapted = foreign.adapt(inner, load_robot("walker"))
+    first = sf.Simulation("walker", SCENARIO).snapshot
+    adapted.start(first, load_robot("walker").nominal)
+    reference: Any = object()
+    adapted.step(first, reference)
+    assert inner.heard is reference
+
+
+def test_a_parameter_with_a_default_is_the_makers_own() -> None:
+    made = make_controller(f"{HERE / 'own_controllers.py'}:OfItsOwn")
+    assert isinstance(made, foreign.ForeignController)
+    assert made.inner.gain == 3.0
+
+
+def test_what_a_function_makes_has_the_name_it_was_asked_for_by() -> None:
+    name = f"{HERE / 'own_controllers.py'}:with_name"
+    assert make_controller(name).name == name
+
+
+def test_a_failed_qp_of_a_derived_class_is_kept() -> None:
+    derived = own.Derived(load_robot("walker"), ControllerSettings())
+    adapted = foreign.adapt(derived, load_robot("walker"))
+    assert adapted.failure is None
+    qp = DenseQp("wrenches", n=2, m=1)
+    derived.failure = qp.data(QpStatus.NOT_FINITE)
+    assert adapted.failure is derived.failure
+
+
+def test_a_controller_is_started_once() -> None:
+    controller = own.with_name(load_robot("walker"))
+    sf.simulate("walker", SCENARIO, controller=controller)
+    with pytest.raises(sf.ControllerError, match="expected a new one for each start"):
+        sf.simulate("walker", SCENARIO, controller=controller)
 
 
 def test_one_that_answers_no_numbers_is_given_up_the_same_way_on_the_bus(
