@@ -268,10 +268,11 @@ def _check_one(
 
     grown: Counter[str] = Counter()
     for _ in range(PATIENCE):
+        tick = probe.tick
         probe.stream(STREAM_S, extra=next_bad)
         grown = _counts(probe) - before
-        if sent == TRIES <= grown.total():
-            break
+        if sent == TRIES <= grown.total() or probe.tick == tick:
+            break  # all are told of, or the robot has fallen silent
     if name != Refusal.LATE:  # a busy machine answers late by itself
         del grown[Refusal.LATE]
     refused = sum(grown.values())
@@ -302,8 +303,9 @@ def _check_held(probe: Probe, findings: Findings) -> None:
         sent += 1
 
     for _ in range(PATIENCE):  # a busy machine sends few in one stream
+        tick = probe.tick
         probe.stream(STREAM_S, extra=count_sent)
-        if sent >= TRIES:
+        if sent >= TRIES or probe.tick == tick:
             break
     refused = (_counts(probe) - before).total()
     mode = probe.status.mode if probe.status is not None else "silent"
