@@ -165,7 +165,7 @@ class Cell:
         """Run the plan; return the row: case and figures."""
         from surefoot.runs import run_inline
 
-        return self.row(run_inline(plan).result)
+        return self.row(run_inline(plan, goes_on=True).result)
 
     def row(self, result: RunResult) -> Row:
         """Return the row of a result: case and figures."""

@@ -6,18 +6,25 @@ import inspect
 import json
 import re
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
+import msgspec
 import numpy as np
 import pytest
 
 import surefoot as sf
+from surefoot.bench.bench_runs import Under
+from surefoot.bench.sway_cells import Stimulus, sway_cell
 from surefoot.robot_io.robot import load_robot
 from surefoot.schemas.scenario import scenario_from_table
 from surefoot.schemas.settings import ControllerSettings
 from surefoot.stabilizer import controller as controllers
 from surefoot.stabilizer import foreign
 from surefoot.stabilizer.whole_body.controller import WholeBodyController
+from surefoot.studies.cell import Cell, Group, Work
+from surefoot.studies.store import Task
+from surefoot.tuning.objectives import EFFORT, TuneCell
 from tests.command import Surefoot, run_surefoot, scenario_file
 from tests.surefoot import own_controllers as own
 
@@ -201,6 +208,23 @@ def test_one_that_raises_is_given_up_the_same_way_on_the_bus(
         assert "own_controllers.py" in text or kind == "TooShort"
     with pytest.raises((ValueError, LookupError)):
         sf.simulate("walker", SCENARIO, controller=getattr(own, kind))
+
+
+@pytest.mark.parametrize("kind", ["Raises", "RaisesAtStart"])
+def test_one_that_raises_ends_no_study_no_search_and_no_benchmark(kind: str) -> None:
+    name = STAY.replace("Stay", kind)
+    group = Group("standing", (("duration_s", 0.6),), name, "ideal")
+    tilt = sway_cell(Stimulus("prts", "pitch", 1.0), Under(name, "ideal"), height_m=1.0)
+    short = msgspec.structs.replace(tilt.scenario, duration_s=0.6)
+    works: list[Work] = [
+        Cell(group, 0),
+        TuneCell(group, 0, extra=(EFFORT,)),
+        replace(tilt, scenario=short),
+    ]
+    for work in works:
+        row = Task(work, "walker").run()
+        assert row["outcome"] == "held"
+        assert re.search(r"(boom|gain) \(own_controllers.py", row["outcome_detail"])
 
 
 def test_the_command_line_takes_it_everywhere(
