@@ -138,7 +138,8 @@ def simulate(
             and settings, or a fresh object with ``start(snapshot, q_command)`` and
             ``step(snapshot, reference)``.
         settings: ``{"tsid.com_kp": 40.0}``, resolved settings, the name of shipped
-            settings, a file, or None for the defaults.
+            settings, a file, or None for the defaults. An object has been made with
+            its own: it gets only those of the safety layer, the calibration and walk.
         servo_profile: a profile of the robot file to use instead of its own choice.
         seed: of the sensor noise, 0 or more.
         relay: a shipped relay plan or the path of one; its faults act in simulated
