@@ -1,4 +1,4 @@
-"""Controllers by name, the loop delay they bear, and the driver of a vendor's robot.
+"""Controllers by name or as objects, the delay they bear, a vendor's robot's driver.
 
 Notebooks call the public functions; the command line prints the two notices.
 """
@@ -7,9 +7,11 @@ from __future__ import annotations
 
 import inspect
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from functools import partial
+from operator import attrgetter
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from surefoot.errors import UsageError
 from surefoot.robot_io.robot import Robot, load_robot
@@ -20,14 +22,17 @@ from surefoot.schemas.endpoints import Endpoints, load_endpoints
 from surefoot.schemas.motions import Motion
 from surefoot.schemas.scenario import Push, SensorFault
 from surefoot.schemas.scenario_robot import Delay, Payload, Rod
+from surefoot.schemas.settings import ControllerSettings, setting_names
 from surefoot.stabilizer import factory
 from surefoot.stabilizer.controller import (
     CONTROLLERS,
+    BalanceController,
     Controller,
+    ControllerError,
     HoldController,
     Walks,
 )
-from surefoot.stabilizer.foreign import find_target
+from surefoot.stabilizer.foreign import find_target, maker_of, takes
 
 if TYPE_CHECKING:
     from surefoot.stabilizer.margins.margins import LoopMargins
@@ -60,7 +65,112 @@ def make_controller(
         FileFormatError: a file or a setting is malformed.
     """
     model = robot if isinstance(robot, Robot) else load_robot(robot)
-    return factory.make_controller(name, model, resolve_settings(settings, reader=name))
+    return factory.make_controller(name, model, settings_for(name, settings))
+
+
+def name_of(controller: Any) -> str:
+    """Return a controller's name in results.
+
+    A class or an object may define a ``name`` of its own; one that is inherited is
+    another controller's.
+
+    Args:
+        controller: as for :func:`surefoot.simulate`.
+
+    Raises:
+        ControllerError: it is no controller.
+    """
+    if isinstance(controller, str):
+        return controller
+    if not callable(controller) and not hasattr(controller, "step"):
+        raise ControllerError(
+            f"controller: got {controller!r}, expected a name such as 'whole-body', a "
+            "class, or an object with start(snapshot, q_command) and "
+            "step(snapshot, reference)"
+        )
+    if isinstance(controller, partial):
+        return name_of(controller.func)
+    kind = controller if isinstance(controller, type) else type(controller)
+    if "name" in {**vars(kind), **getattr(controller, "__dict__", {})}:
+        own = getattr(controller, "name", None)
+        if isinstance(own, str) and own:
+            return own
+    return str(getattr(controller, "__name__", kind.__name__))
+
+
+def controller_for(plan: RunPlan, controller: Any = None) -> Any:
+    """Return the controller of a run; make it if it is a name, a class or a function.
+
+    Args:
+        plan: of the run.
+        controller: as for :func:`surefoot.simulate`; the plan's when None.
+
+    Raises:
+        ControllerError: there is no such controller, or it cannot be made.
+        UsageError: an object was made for another servo profile.
+    """
+    if controller is None or isinstance(controller, str):
+        name = controller or plan.controller
+        return factory.make_controller(name, plan.robot, plan.settings)
+    if not _is_made(controller):
+        make = maker_of(name_of(controller), controller)
+        return make(plan.robot, plan.settings)
+    law = getattr(controller, "inner", controller)
+    if isinstance(law, BalanceController):
+        made_for = law.model.robot.file.servo.profile
+        runs_with = plan.robot.file.servo.profile
+        if made_for != runs_with:
+            raise UsageError(
+                f"controller: got an object made for the servo profile {made_for!r}, "
+                f"expected one for that of the run, {runs_with!r}; make it for "
+                f"load_robot(..., servo_profile={runs_with!r}), or name its class"
+            )
+    return controller
+
+
+def settings_for(controller: Any, settings: Settings) -> ControllerSettings:
+    """Resolve the settings of a run; refuse those that would change nothing.
+
+    Args:
+        controller: as for :func:`surefoot.simulate`.
+        settings: see :data:`surefoot.run_plan.Settings`.
+
+    Raises:
+        FileFormatError: a file or a setting is malformed, or the controller of that
+            name does not read a setting.
+        ControllerError: there is no such controller.
+        UsageError: an object, or a class or function without settings, does not get a
+            setting.
+    """
+    given: list[str] = []
+    if isinstance(settings, Mapping):
+        for name, value in settings.items():
+            within = value if isinstance(value, Mapping) else None
+            given += [name] if within is None else [f"{name}.{key}" for key in within]
+    if isinstance(controller, str):
+        factory.check_read(given, [controller], option="settings")
+        return resolve_settings(settings, reader=controller)
+    resolved = resolve_settings(settings)
+    if not _is_made(controller) and takes(controller) > 1:
+        return resolved
+    if not isinstance(settings, Mapping):
+        default = ControllerSettings()
+        values = ((n, attrgetter(n)) for n in setting_names())
+        given = [n for n, value in values if value(resolved) != value(default)]
+    read = factory.read_settings(HoldController.name)  # those of the loop alone
+    for name in given:
+        if name not in read and not name.startswith("walk."):
+            raise UsageError(
+                f"settings {name}: {name_of(controller)} would not get it, so that it "
+                "would change nothing. Give it to the controller where this is made, "
+                "or run a class or function that takes robot and settings"
+            )
+    return resolved
+
+
+def _is_made(controller: Any) -> bool:
+    """Whether it is an object that controls; otherwise it makes one."""
+    return hasattr(controller, "step") and not isinstance(controller, type)
 
 
 def drive(

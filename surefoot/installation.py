@@ -1,23 +1,28 @@
-"""How surefoot was installed, and the pip command that adds missing packages.
+"""What is installed, how surefoot was, and which modules are the user's own.
 
-Error messages, ``surefoot doctor`` and the files of runs use it.
+Error messages, ``surefoot doctor``, the files of runs and studies use it.
 """
 
 from __future__ import annotations
 
+import ast
 import json
 import os
 import platform
 import re
 import shlex
 import sys
+import sysconfig
+from collections.abc import Iterable, Iterator
+from contextlib import suppress
+from importlib.machinery import ModuleSpec, PathFinder
 from importlib.metadata import (
     Distribution,
     PackageNotFoundError,
     distribution,
     version,
 )
-from importlib.util import find_spec
+from importlib.util import find_spec, resolve_name, spec_from_file_location
 from pathlib import Path
 from typing import Any
 from urllib.parse import unquote, urlparse
@@ -27,6 +32,8 @@ _PACKAGES = (
     *("surefoot", "eclipse-zenoh", "mujoco", "pin", "piqp", "numpy"),
     *("msgpack", "msgspec"),
 )
+_SHARED = ("site-packages", "dist-packages")
+_PYTHON = Path(sysconfig.get_path("stdlib")).resolve()
 _ROOT = Path(__file__).resolve().parent.parent
 
 
@@ -131,3 +138,80 @@ def _pip(*words: str) -> str:
     near = os.path.relpath(python)
     program = python if near.startswith("..") else near
     return shlex.join([program, "-m", "pip", "install", *words])
+
+
+def own_sources(place: str, modules: Iterable[str] = ()) -> Iterator[bytes]:
+    """Yield the source of a module, then of all modules of the user that it imports.
+
+    Left out are Python's own, surefoot's and those of installed packages, apart from
+    the module's own package. Imports are read from the sources, and nothing is
+    imported: what else is loaded does not count.
+
+    Args:
+        place: name of the module, or path of its file.
+        modules: further modules that it needs.
+    """
+    found: dict[Path, str] = {}
+    seen: set[str] = set()
+    waiting = [*modules, place]
+    while waiting:
+        name = waiting.pop()
+        spec = None if name in seen else _spec(name)
+        seen.add(name)
+        if spec is None or not spec.has_location:
+            continue
+        path = Path(str(spec.origin)).resolve()
+        if path not in found and (name == place or _is_own(name, path, place)):
+            found[path] = name
+            waiting.append(spec.name.rpartition(".")[0])
+            with suppress(SyntaxError, ValueError):  # compiled, or not for this Python
+                waiting += imported_names(ast.parse(path.read_bytes()), spec.parent)
+    for path, name in sorted(found.items(), key=lambda it: (it[1] != place, it[1])):
+        yield (b"" if name == place else f"\n{name}\n".encode()) + path.read_bytes()
+
+
+def _is_own(name: str, path: Path, place: str) -> bool:
+    package = name.partition(".")[0]
+    if package == _NAME:
+        return False
+    is_shared = path.is_relative_to(_PYTHON) or not {*_SHARED}.isdisjoint(path.parts)
+    return package == place.partition(".")[0] or not is_shared
+
+
+def _spec(name: str) -> ModuleSpec | None:
+    """Find a module or a file without importing it; None if there is none."""
+    if name == "__main__":
+        name = str(getattr(sys.modules[name], "__file__", ""))
+    if name.endswith(".py"):
+        return spec_from_file_location("", Path(name).resolve())
+    above, dot, _ = name.rpartition(".")
+    try:
+        if not dot:
+            return find_spec(name)
+        package = _spec(above)
+    except (ImportError, ValueError):
+        return None
+    rooms = None if package is None else package.submodule_search_locations
+    return None if rooms is None else PathFinder.find_spec(name, rooms)
+
+
+def imported_names(tree: ast.Module, package: str | None = None) -> Iterator[str]:
+    """Yield imported names that may be modules, without those for the type checker.
+
+    Args:
+        tree: source of a module.
+        package: the module's package, for its relative imports.
+    """
+    waiting: list[ast.AST] = [tree]
+    while waiting:
+        node = waiting.pop()
+        if isinstance(node, ast.If) and ast.unparse(node.test) == "TYPE_CHECKING":
+            waiting += node.orelse
+            continue
+        if isinstance(node, ast.Import):
+            yield from (alias.name for alias in node.names)
+        if isinstance(node, ast.ImportFrom):
+            with suppress(ImportError):  # relative, and above the package
+                base = resolve_name("." * node.level + (node.module or ""), package)
+                yield from (base, *(f"{base}.{alias.name}" for alias in node.names))
+        waiting += ast.iter_child_nodes(node)

@@ -17,7 +17,13 @@ from surefoot.errors import UsageError
 from surefoot.installation import this_machine
 from surefoot.out_folder import OutFolder, printable, write_json
 from surefoot.robot_io.errors import RobotFileError
-from surefoot.run_plan import Mode, RunPlan, make_plan, settings_text
+from surefoot.run_plan import (
+    Mode,
+    RunPlan,
+    make_plan,
+    resolve_settings,
+    settings_text,
+)
 from surefoot.schemas.result import RunResult
 
 RESULT = "result.json"
@@ -211,7 +217,7 @@ def read_run(folder: Path) -> tuple[RunResult, RunPlan]:
             robot=about.robot,
             servo_profile=about.servo_profile,
             controller=about.controller,
-            settings=folder / SETTINGS,
+            settings=resolve_settings(folder / SETTINGS),
             seed=about.seed,
             mode=about.mode,
             relay=None if about.relay is None else str(folder / RELAY),

@@ -333,11 +333,6 @@ def resolve_settings(
     return resolved
 
 
-def given_singly(settings: Settings) -> list[str]:
-    """Return names given as ``{"tsid.base_kp": 120.0}``, not by tables or files."""
-    return [n for n in settings if "." in n] if isinstance(settings, Mapping) else []
-
-
 def _sections(values: Mapping[str, Any]) -> dict[str, Any]:
     """Turn ``{"tsid.base_kp": 120.0}`` into tables; keep tables as they are."""
     tables: dict[str, Any] = {}

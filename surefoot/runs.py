@@ -9,6 +9,7 @@ from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from surefoot.controllers import controller_for, name_of, settings_for
 from surefoot.errors import ChildFailedError, RunInterrupted, UsageError
 from surefoot.out_folder import OutFolder
 from surefoot.outcome import join_result
@@ -22,14 +23,12 @@ from surefoot.run_folder import (
     write_inputs,
     write_result,
 )
-from surefoot.run_plan import Mode, RunPlan, Settings, given_singly, make_plan
+from surefoot.run_plan import Mode, RunPlan, Settings, make_plan
 from surefoot.schemas.reasons import Outcome
 from surefoot.schemas.result import RunResult
 from surefoot.schemas.scenario import Scenario
 from surefoot.signals import Signals, TickSinks, file_sinks, memory_sinks, read_signals
-from surefoot.stabilizer.controller import ControllerError
-from surefoot.stabilizer.factory import check_controller, check_read, make_controller
-from surefoot.stabilizer.foreign import maker_of
+from surefoot.stabilizer.factory import check_controller
 
 if TYPE_CHECKING:
     from surefoot.schemas.endpoints import Endpoints
@@ -139,7 +138,8 @@ def simulate(
             and settings, or a fresh object with ``start(snapshot, q_command)`` and
             ``step(snapshot, reference)``.
         settings: ``{"tsid.com_kp": 40.0}``, resolved settings, the name of shipped
-            settings, a file, or None for the defaults.
+            settings, a file, or None for the defaults. An object has been made with
+            its own: it gets only those of the safety layer, the calibration and walk.
         servo_profile: a profile of the robot file to use instead of its own choice.
         seed: of the sensor noise, 0 or more.
         relay: a shipped relay plan or the path of one; its faults act in simulated
@@ -155,15 +155,14 @@ def simulate(
         RobotFileError: no such robot, or its files contradict each other.
         FileFormatError: a file or a setting is malformed.
         ControllerError: no such controller, or it breaks the controller protocol.
+        UsageError: settings or servo profile do not reach the controller.
     """
-    if isinstance(controller, str):
-        check_read(given_singly(settings), [controller], option="settings")
     plan = make_plan(
         scenario,
         robot=robot,
         servo_profile=servo_profile,
-        controller=_name_of(controller),
-        settings=settings,
+        controller=name_of(controller),
+        settings=settings_for(controller, settings),
         seed=seed,
         relay=relay,
     )
@@ -204,7 +203,7 @@ def run_inline(
     with _sinks(folder) if record else nullcontext() as sinks:
         sim = Kind.of_plan(plan, sinks=sinks)
         sim.goes_on = goes_on
-        law = _made(controller, plan)
+        law = controller_for(plan, controller)
         stop = StopRequest()
         with stop.on_signals():
             sim.run(law, on_tick=on_tick, stop=stop)
@@ -255,13 +254,12 @@ def run(
         UsageError: the folder cannot be used.
     """
     mode: Mode = "realtime" if realtime else "lockstep"
-    check_read(given_singly(settings), [controller], option="settings")
     plan = make_plan(
         scenario,
         robot=robot,
         servo_profile=servo_profile,
         controller=controller,
-        settings=settings,
+        settings=settings_for(controller, settings),
         seed=seed,
         mode=mode,
         relay=relay,
@@ -388,26 +386,3 @@ def _inline(
 def _sinks(folder: Path | None) -> AbstractContextManager[TickSinks]:
     """Sinks of the signals: files in the folder, or memory without one."""
     return nullcontext(memory_sinks()) if folder is None else file_sinks(folder)
-
-
-def _name_of(controller: Any) -> str:
-    """Return a controller's name in results."""
-    if isinstance(controller, str):
-        return controller
-    if not callable(controller) and not hasattr(controller, "step"):
-        raise ControllerError(
-            f"controller: got {controller!r}, expected a name such as 'whole-body', a "
-            "class, or an object with start(snapshot, q_command) and "
-            "step(snapshot, reference)"
-        )
-    kind = controller if isinstance(controller, type) else type(controller)
-    return str(getattr(controller, "name", kind.__name__))
-
-
-def _made(controller: Any, plan: RunPlan) -> Any:
-    """Return the controller to run; make it if a name or class was given."""
-    if controller is None or isinstance(controller, str):
-        return make_controller(controller or plan.controller, plan.robot, plan.settings)
-    if hasattr(controller, "step") and not isinstance(controller, type):
-        return controller
-    return maker_of(_name_of(controller), controller)(plan.robot, plan.settings)

@@ -267,6 +267,7 @@ class BenchCell(ABC):
         from surefoot.stabilizer.factory import make_controller
 
         sim = Simulation.of_plan(plan)
+        sim.goes_on = True
         probe = self.probe()
         controller = make_controller(plan.controller, plan.robot, plan.settings)
         sim.run(controller, on_tick=lambda tick: probe.look(sim))

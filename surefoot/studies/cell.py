@@ -18,6 +18,7 @@ from surefoot.schemas.reasons import Outcome
 from surefoot.schemas.settings import ControllerSettings, setting_names
 from surefoot.schemas.toml_file import override_texts
 from surefoot.schemas.validation import nearest
+from surefoot.stabilizer.controller import CONTROLLERS
 from surefoot.stabilizer.factory import find_controller
 from surefoot.stabilizer.foreign import list_controllers
 
@@ -165,7 +166,7 @@ class Cell:
         """Run the plan; return the row: case and figures."""
         from surefoot.runs import run_inline
 
-        return self.row(run_inline(plan).result)
+        return self.row(run_inline(plan, goes_on=True).result)
 
     def row(self, result: RunResult) -> Row:
         """Return the row of a result: case and figures."""
@@ -252,12 +253,19 @@ def find_variant(name: str) -> Variant:
     """Find a variant by name; a controller's name gives it with default settings.
 
     Raises:
-        UsageError: no such variant; the message lists all.
+        UsageError: no such variant, or an installed controller has its name too.
         ControllerError: an external controller cannot be found.
     """
+    installed = list_controllers()
     if name in VARIANTS:
+        if name in installed and name not in CONTROLLERS:
+            raise UsageError(
+                f"controller {name!r}: surefoot and an installed package both have one "
+                "of this name. Name the package's as package.module:Class; for that of "
+                "surefoot, remove the package or rename its entry point"
+            )
         return VARIANTS[name]
-    names = [*dict.fromkeys([*VARIANTS, *list_controllers()])]
+    names = [*dict.fromkeys([*VARIANTS, *installed])]
     if name not in names and ":" not in name:
         raise UsageError(
             f"no controller {name!r}{nearest(name, names)}; expected one of "

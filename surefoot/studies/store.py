@@ -14,13 +14,14 @@ import inspect
 import platform
 from collections.abc import Iterable, Iterator
 from functools import cache
-from importlib.metadata import version
+from importlib.metadata import entry_points, version
 from pathlib import Path
 from typing import Any, BinaryIO, NamedTuple, Self
 
 import msgspec
 
 from surefoot.errors import UsageError
+from surefoot.installation import imported_names, own_sources
 from surefoot.out_folder import (
     FolderLock,
     make_out_folder,
@@ -36,7 +37,7 @@ from surefoot.schemas.toml_file import atomic_file
 from surefoot.sim_robot.catalogue import ScenarioError, naming_scenario
 from surefoot.sim_robot.recorded import recorded_ground, recorded_track
 from surefoot.stabilizer.controller import CONTROLLERS
-from surefoot.stabilizer.foreign import find_target
+from surefoot.stabilizer.foreign import ENTRY_POINTS, find_target
 from surefoot.studies.cell import FIGURES, Row, Work
 
 ROOT = "surefoot.simulation"
@@ -93,7 +94,7 @@ def code_of_a_run(root: str = ROOT) -> dict[str, ast.Module]:
         path = None if name in found or _is_elsewhere(name) else _file_of(name)
         if path is not None:
             found[name] = ast.parse(path.read_bytes())
-            waiting += _imports(found[name])
+            waiting += imported_names(found[name])
     return found
 
 
@@ -109,21 +110,6 @@ def _file_of(name: str) -> Path | None:
         if file.is_file():
             return file
     return None
-
-
-def _imports(tree: ast.Module) -> Iterator[str]:
-    """Imported names that may be modules, without those only for the type checker."""
-    waiting: list[ast.AST] = [tree]
-    while waiting:
-        node = waiting.pop()
-        if isinstance(node, ast.If) and ast.unparse(node.test) == "TYPE_CHECKING":
-            continue
-        if isinstance(node, ast.Import):
-            yield from (alias.name for alias in node.names)
-        if isinstance(node, ast.ImportFrom) and node.module:
-            yield node.module
-            yield from (f"{node.module}.{alias.name}" for alias in node.names)
-        waiting += ast.iter_child_nodes(node)
 
 
 def _without_docstrings(tree: ast.Module) -> ast.Module:
@@ -146,7 +132,7 @@ def inputs_fingerprint(plan: RunPlan) -> str:
     """Return the SHA-256 of all inputs of a run except the seed.
 
     It is taken of contents, not of paths: scenario and recorded motions, robot file and
-    URDF, settings, and the source of an external controller.
+    URDF, settings, and an external controller's file with the modules it imports.
 
     Raises:
         ScenarioError: a recording cannot be read, or is not a motion.
@@ -162,9 +148,21 @@ def inputs_fingerprint(plan: RunPlan) -> str:
     digest.update(plan.robot.urdf_path.read_bytes())
     digest.update(plan.controller.rpartition(":")[2].encode())
     if plan.controller not in CONTROLLERS:
-        source = inspect.getsourcefile(find_target(plan.controller))
-        digest.update(b"" if source is None else Path(source).read_bytes())
+        for source in _own_code(plan.controller):
+            digest.update(source)
     return digest.hexdigest()
+
+
+def _own_code(controller: str) -> Iterator[bytes]:
+    """Sources of a foreign controller: its file, and what this imports of the user."""
+    target, (place, colon, _) = find_target(controller), controller.rpartition(":")
+    kind = target if inspect.isclass(target) else type(target)
+    modules = [cls.__module__ for cls in kind.__mro__]
+    modules.insert(0, getattr(target, "__module__", modules[0]))
+    if not colon:
+        entries = entry_points(group=ENTRY_POINTS)
+        place = next((e.module for e in entries if e.name == controller), modules[0])
+    return own_sources(place, modules)
 
 
 class Task(NamedTuple):
@@ -192,9 +190,10 @@ class Task(NamedTuple):
         here = inputs_fingerprint(plan)
         if self.inputs not in (None, here):
             raise UsageError(
-                f"{self.cell.case}: scenario, robot or settings on {platform.node()} "
-                "are not those that the study began with; a run with them would be "
-                "mixed in. Give this machine the same files, or begin another study"
+                f"{self.cell.case}: scenario, robot, settings or controller on "
+                f"{platform.node()} are not those that the study began with; a run "
+                "with them would be mixed in. Give this machine the same files, or "
+                "begin another study"
             )
         try:
             row = self.cell.run(plan)
@@ -300,8 +299,8 @@ class StudyStore:
         if row is not None and row["inputs"] != task.inputs:
             raise UsageError(
                 f"{self._path}: holds a run of {task.cell.case} from before its "
-                "scenario, robot or settings were changed; runs of both would be "
-                "mixed. Name another folder, or remove this one"
+                "scenario, robot, settings or controller were changed; runs of both "
+                "would be mixed. Name another folder, or remove this one"
             )
 
     def _compare(self, former: dict[str, Any], folder: Path) -> None:

@@ -52,6 +52,7 @@ class TuneCell(Cell):
         probe = None if sway is None else sway.probe()
         sinks = memory_sinks() if EFFORT in self.extra else None
         sim = Simulation.of_plan(plan, sinks=sinks)
+        sim.goes_on = True
         controller = make_controller(plan.controller, plan.robot, plan.settings)
         sim.run(
             controller, on_tick=None if probe is None else lambda _: probe.look(sim)

@@ -197,7 +197,7 @@ def test_in_a_study_it_does_not_count_as_up(
     def make(name: str, robot: Robot, settings: ControllerSettings) -> Unsolved:
         return Unsolved(robot.n_a)
 
-    monkeypatch.setattr("surefoot.runs.make_controller", make)
+    monkeypatch.setattr("surefoot.stabilizer.factory.make_controller", make)
     cell = Cell(Group(str(short_scenario), (), "hold", "ideal"), seed=0)
     row = Task(cell, "walker", ("estimator.calibration_s=0.1",)).run()
     assert row["outcome"] == "not_controlled"

@@ -6,21 +6,32 @@ import inspect
 import json
 import re
 from collections.abc import Callable
+from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
+import msgspec
 import numpy as np
 import pytest
 
 import surefoot as sf
-from surefoot.controllers import make_controller
+from surefoot.bench.bench_runs import Under
+from surefoot.bench.sway_cells import Stimulus, sway_cell
+from surefoot.controllers import make_controller, name_of, settings_for
+from surefoot.errors import UsageError
 from surefoot.robot_io.robot import load_robot
+from surefoot.run_plan import resolve_settings
+from surefoot.schemas.errors import FileFormatError
 from surefoot.schemas.scenario import scenario_from_table
 from surefoot.schemas.settings import ControllerSettings
 from surefoot.stabilizer import controller as controllers
 from surefoot.stabilizer import foreign
 from surefoot.stabilizer.qp import DenseQp, QpStatus
 from surefoot.stabilizer.whole_body.controller import WholeBodyController
+from surefoot.studies.cell import Cell, Group, Work, find_variant
+from surefoot.studies.store import Task
+from surefoot.tuning.objectives import EFFORT, TuneCell
 from tests.command import Surefoot, run_surefoot, scenario_file
 from tests.surefoot import own_controllers as own
 
@@ -259,6 +270,23 @@ def test_one_that_raises_is_given_up_the_same_way_on_the_bus(
         sf.simulate("walker", SCENARIO, controller=getattr(own, kind))
 
 
+@pytest.mark.parametrize("kind", ["Raises", "RaisesAtStart"])
+def test_one_that_raises_ends_no_study_no_search_and_no_benchmark(kind: str) -> None:
+    name = STAY.replace("Stay", kind)
+    group = Group("standing", (("duration_s", 0.6),), name, "ideal")
+    tilt = sway_cell(Stimulus("prts", "pitch", 1.0), Under(name, "ideal"), height_m=1.0)
+    short = msgspec.structs.replace(tilt.scenario, duration_s=0.6)
+    works: list[Work] = [
+        Cell(group, 0),
+        TuneCell(group, 0, extra=(EFFORT,)),
+        replace(tilt, scenario=short),
+    ]
+    for work in works:
+        row = Task(work, "walker").run()
+        assert row["outcome"] == "held"
+        assert re.search(r"(boom|gain) \(own_controllers.py", row["outcome_detail"])
+
+
 def test_the_command_line_takes_it_everywhere(
     tmp_path: Path, held: str, surefoot_here: Surefoot
 ) -> None:
@@ -283,6 +311,115 @@ def test_the_command_line_takes_it_everywhere(
     wrong = surefoot_here("run", scenario, "--inline", "--controller", f"{STAY}s")
     assert wrong.returncode == 2
     assert "did you mean 'Stay'" in wrong.stderr
+
+
+def make_stay(robot: sf.Robot, settings: ControllerSettings) -> own.Stay:
+    return own.Stay()
+
+
+class Makes:
+    """Makes a controller when it is called."""
+
+    def __call__(self, robot: sf.Robot) -> own.Stay:
+        return own.Stay()
+
+
+class Named(own.Stay):
+    """Is told its name."""
+
+    def __init__(self, name: str) -> None:
+        self.name = name
+
+
+class Nameless(own.StayWithRobot):
+    """Inherits the name of another."""
+
+
+def test_a_name_of_a_study_that_an_installed_controller_bears_too_is_refused(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    class Entry:
+        def __init__(self, name: str) -> None:
+            self.name = name
+
+    entries = [Entry(name) for name in ("whole-body", "person", "mine")]
+    monkeypatch.setattr(foreign, "entry_points", lambda group: entries)
+    assert find_variant("whole-body").controller == "whole-body"
+    with pytest.raises(UsageError, match="'person': surefoot and an installed package"):
+        find_variant("person")
+
+
+@pytest.mark.parametrize(
+    ("controller", "name"),
+    [
+        (own.Stay, "Stay"),
+        (own.StayWithRobot, "stay"),
+        (Nameless, "Nameless"),
+        (make_stay, "make_stay"),
+        (partial(partial(make_stay), settings=None), "make_stay"),
+        (Makes(), "Makes"),
+        (Named("told"), "told"),
+        (Named, "Named"),
+        (WholeBodyController, "whole-body"),
+        (own.Derived, "Derived"),
+        ("hold", "hold"),
+    ],
+)
+def test_a_controller_has_its_own_name_in_results(
+    controller: object, name: str
+) -> None:
+    assert name_of(controller) == name
+
+
+def test_a_run_of_an_object_is_loaded_again(tmp_path: Path) -> None:
+    run = sf.simulate("walker", SCENARIO, controller=Nameless)
+    run.save(tmp_path / "run")
+    again = sf.load_run(tmp_path / "run")
+    assert again.result.controller == again.plan.controller == "Nameless"
+    assert np.array_equal(again.signals["q"], run.signals["q"])
+
+
+FOR_THE_LAW = {"tsid.com_kp": 35.0}
+
+
+@pytest.mark.parametrize("form", ["single", "table", "resolved", "file"])
+@pytest.mark.parametrize("controller", [own.Stay(), own.StayWithRobot, Makes()])
+def test_a_setting_that_an_object_does_not_get_is_refused(
+    tmp_path: Path, form: str, controller: object
+) -> None:
+    file = tmp_path / "settings.toml"
+    file.write_text("[tsid]\ncom_kp = 35.0\n[safety]\nrecover_s = 0.2\n")
+    settings: Any = {
+        "single": FOR_THE_LAW,
+        "table": {"tsid": {"com_kp": 35.0}},
+        "resolved": resolve_settings(FOR_THE_LAW),
+        "file": file,
+    }[form]
+    with pytest.raises(UsageError, match=r"tsid\.com_kp: \w+ would not get it"):
+        sf.simulate("walker", SCENARIO, controller=controller, settings=settings)
+    assert settings_for(own.StayWithSettings, settings).tsid.com_kp[0] == 35.0
+    file.write_text("[estimator]\ncalibration_s = 0.2\n[walk]\nshift_s = 0.9\n")
+    assert settings_for(controller, file).estimator.calibration_s == 0.2
+
+
+@pytest.mark.parametrize("make", [sf.simulate, sf.run])
+def test_a_setting_in_a_table_that_nothing_reads_is_refused(
+    make: Callable[..., sf.Run],
+) -> None:
+    table = {"tsid": {"com_kp": 35.0}}
+    with pytest.raises(FileFormatError, match="hold would not read it"):
+        make("walker", SCENARIO, controller="hold", settings=table)
+    with pytest.raises(FileFormatError, match="hold would not read it"):
+        sf.make_controller("hold", settings=table)
+
+
+@pytest.mark.parametrize(
+    "name", ["whole-body", "tests.surefoot.own_controllers:Derived"]
+)
+def test_an_object_made_for_another_servo_profile_is_refused(name: str) -> None:
+    law = sf.make_controller(name)
+    with pytest.raises(UsageError, match=r"'ideal', expected one .* 'harmonic'"):
+        sf.simulate("walker", SCENARIO, controller=law, servo_profile="harmonic")
 
 
 def test_an_answer_is_not_kept_by_the_library() -> None:

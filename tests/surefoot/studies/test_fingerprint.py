@@ -3,13 +3,17 @@
 from __future__ import annotations
 
 import ast
+import importlib
 import subprocess
 import sys
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
 
 from surefoot.errors import UsageError
+from surefoot.installation import own_sources
+from surefoot.stabilizer import foreign
 from surefoot.studies import store
 from surefoot.studies.cell import Cell, Group
 from surefoot.studies.execute import execute
@@ -127,6 +131,7 @@ def test_controller_from_a_file_counts_by_its_source(
 ) -> None:
     file = tmp_path / "still.py"
     file.write_text(CONTROLLER)
+    assert [*own_sources(str(file), ["builtins"])] == [CONTROLLER.encode()]
     before = inputs(cell(scenario, f"{file}:Still"))
     file.write_text(f"{CONTROLLER}    gain = 2\n")
     assert inputs(cell(scenario, f"{file}:Still")) != before
@@ -148,10 +153,107 @@ def test_changed_scenario_of_the_same_name_is_refused(
     other.write_text(SHORT)
     assert len(go_on(cell(other))) == 2, "a further scenario throws nothing away"
     scenario.write_text(f"{SHORT}friction = 0.5\n")
-    with pytest.raises(UsageError, match="before its scenario, robot or settings"):
+    with pytest.raises(UsageError, match="before its scenario, robot, settings or"):
         go_on()
 
 
 def test_run_with_other_inputs_than_the_study_is_refused(scenario: Path) -> None:
     with pytest.raises(UsageError, match="not those that the study began with"):
         Task(cell(scenario), "walker", inputs="0" * 64).run()
+
+
+OWN = {
+    "law/__init__.py": "from law.gains import GAIN\n",
+    "law/gains.py": "import numpy\nGAIN = 1.0\n",
+    "law/limits.py": "MOST = 1.0\n",
+    "law/base.py": f"from .limits import MOST\nfrom . import parts\n{CONTROLLER}",
+    "law/parts/__init__.py": "def late():\n    import late_part\n",
+    "late_part.py": "LATE = 1.0\n",
+    "hidden.py": CONTROLLER,
+    "unused.py": "NOT = 1.0\n",
+    "mine.py": """
+from functools import partial
+import importlib
+import law.base
+
+class Still(law.base.Still):
+    pass
+
+class Hidden(getattr(importlib.import_module("hid" + "den"), "Still")):
+    pass
+
+class Makes:
+    def __call__(self, robot, settings):
+        return Still()
+
+make, makes = partial(Still), Makes()
+""",
+}
+
+
+@pytest.fixture
+def own(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
+    """Write modules of a user that Python finds, in this test only."""
+    folder, before = tmp_path / "own", {*sys.modules}
+    for name, text in OWN.items():
+        (folder / name).parent.mkdir(parents=True, exist_ok=True)
+        (folder / name).write_text(text)
+    monkeypatch.syspath_prepend(folder)
+    yield folder
+    for name in {*sys.modules} - before:
+        if str(vars(sys.modules[name]).get("__file__")).startswith(str(folder)):
+            del sys.modules[name]
+
+
+@pytest.mark.parametrize("maker", ["Still", "make", "makes"])
+def test_controller_counts_with_all_modules_of_the_user_that_it_imports(
+    scenario: Path, own: Path, maker: str
+) -> None:
+    by_path, by_name = (
+        cell(scenario, f"{o}:{maker}") for o in (own / "mine.py", "mine")
+    )
+    seen = [inputs(by_path)]
+    assert inputs(by_name) == seen[0]
+    importlib.import_module("late_part")
+    importlib.import_module("unused")
+    assert inputs(by_path) == seen[0], "what else is loaded does not count"
+    for name in OWN.keys() - {"hidden.py", "unused.py"}:
+        (own / name).write_text(f"{OWN[name]}\nMORE = 1\n")
+        seen.append(inputs(by_path))
+    assert len({*seen}) == len(seen)
+    for name in ("hidden.py", "unused.py"):
+        (own / name).write_text("MORE = 1\n")
+    assert inputs(by_path) == seen[-1]
+
+
+def test_the_module_of_a_base_class_counts_however_it_was_imported(
+    scenario: Path, own: Path
+) -> None:
+    before = inputs(cell(scenario, "mine:Hidden"))
+    (own / "hidden.py").write_text(f"{CONTROLLER}    gain = 2\n")
+    assert inputs(cell(scenario, "mine:Hidden")) != before
+
+
+def test_an_installed_controller_counts_with_its_own_package(
+    scenario: Path, tmp_path: Path, own: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    installed = tmp_path / "site-packages"
+    own.rename(installed)
+    about = installed / "mine-1.0.dist-info"
+    about.mkdir()
+    (about / "METADATA").write_text("Metadata-Version: 2.1\nName: mine\nVersion: 1.0\n")
+    (about / "entry_points.txt").write_text(
+        f"[{foreign.ENTRY_POINTS}]\nown-law = law.mine:make\n"
+    )
+    (installed / "mine.py").rename(installed / "law" / "mine.py")
+    monkeypatch.syspath_prepend(installed)
+    named = cell(scenario, "own-law")
+    seen = [inputs(named)]
+    for name in ("law/limits.py", "law/mine.py"):
+        (installed / name).write_text(f"{(installed / name).read_text()}\nMORE = 1\n")
+        seen.append(inputs(named))
+    assert len({*seen}) == len(seen)
+    (installed / "late_part.py").write_text("MORE = 1\n")
+    assert inputs(named) == seen[-1]
+    for name in [n for n in sys.modules if n.partition(".")[0] == "law"]:
+        del sys.modules[name]
