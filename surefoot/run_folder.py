@@ -17,7 +17,13 @@ from surefoot.errors import UsageError
 from surefoot.installation import this_machine
 from surefoot.out_folder import OutFolder, printable, write_json
 from surefoot.robot_io.errors import RobotFileError
-from surefoot.run_plan import Mode, RunPlan, make_plan, settings_text
+from surefoot.run_plan import (
+    Mode,
+    RunPlan,
+    check_on_disk,
+    make_plan,
+    settings_text,
+)
 from surefoot.schemas.result import RunResult
 
 RESULT = "result.json"
@@ -100,7 +106,11 @@ def write_inputs(folder: Path, plan: RunPlan) -> None:
 
     The run can be repeated with the scenario, the settings and the seed in
     ``run.json``.
+
+    Raises:
+        UsageError: the robot's file does not hold the robot; nothing is written.
     """
+    check_on_disk(plan.robot)
     (folder / SCENARIO).write_text(plan.scenario_text, encoding="utf-8")
     for file, name in plan.recordings.items():
         shutil.copyfile(file, folder / name)
