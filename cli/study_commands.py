@@ -55,11 +55,14 @@ def sweep(
         ),
     ] = "whole-body",
     servo_profiles: Annotated[
-        str,
+        str | None,
         typer.Option(
-            "--servo-profile", help="Comma-separated profiles of the robot file."
+            "--servo-profile",
+            metavar="NAMES",
+            help="Comma-separated profiles of the robot file; the file's own choice "
+            "when absent.",
         ),
-    ] = "ideal",
+    ] = None,
     robot: options.RobotOption = "walker",
     overrides: options.SetOption = None,
     jobs: options.JobsOption = 0,
@@ -79,6 +82,7 @@ def sweep(
 
     cells = make_cells(
         scenarios,
+        robot=robot,
         levels=[parse_vary(text) for text in vary or []],
         controllers=options.names_in(controllers),
         servo_profiles=options.names_in(servo_profiles),

@@ -10,7 +10,7 @@ import math
 import os
 import secrets
 import tomllib
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 from typing import IO, Any, TypeVar
@@ -162,8 +162,31 @@ def toml_text(table: dict[str, Any]) -> str:
 
 def struct_table(value: FileStruct) -> dict[str, Any]:
     """Return the table that reads back as a struct."""
-    table: dict[str, Any] = _without_none(msgspec.to_builtins(value))
+    table: dict[str, Any] = _without_none(plain(value))
     return table
+
+
+def plain(value: Any) -> Any:
+    """Return a value given in Python as built-in types.
+
+    Numbers and arrays of numpy become numbers and lists, structs tables, and all else
+    that can be iterated over, such as a range, a list.
+
+    Raises:
+        FileFormatError: it holds something else.
+    """
+    return msgspec.to_builtins(value, enc_hook=_as_builtin)
+
+
+def _as_builtin(value: Any) -> Any:
+    if hasattr(value, "tolist"):  # numpy's, without loading it
+        return value.tolist()
+    if isinstance(value, Iterable):
+        return list(value)
+    raise FileFormatError(
+        f"got {value!r}, expected numbers, texts, booleans, lists or tables of them",
+        field="",
+    )
 
 
 def _without_none(value: Any) -> Any:
@@ -192,7 +215,7 @@ def parse_override(
 
 def override_texts(values: Mapping[str, Any]) -> list[str]:
     """Return values as texts ``KEY=VALUE``, which :func:`parse_override` reads back."""
-    return [f"{key}={json.dumps(value)}" for key, value in values.items()]
+    return [f"{key}={json.dumps(value)}" for key, value in plain(values).items()]
 
 
 def parse_value(text: str, *, what: str) -> Any:

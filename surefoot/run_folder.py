@@ -20,6 +20,7 @@ from surefoot.robot_io.errors import RobotFileError
 from surefoot.run_plan import (
     Mode,
     RunPlan,
+    check_on_disk,
     make_plan,
     resolve_settings,
     settings_text,
@@ -106,7 +107,11 @@ def write_inputs(folder: Path, plan: RunPlan) -> None:
 
     The run can be repeated with the scenario, the settings and the seed in
     ``run.json``.
+
+    Raises:
+        UsageError: the robot's file does not hold the robot; nothing is written.
     """
+    check_on_disk(plan.robot)
     (folder / SCENARIO).write_text(plan.scenario_text, encoding="utf-8")
     for file, name in plan.recordings.items():
         shutil.copyfile(file, folder / name)

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from functools import cached_property
 from pathlib import Path
 from typing import Any, Literal
@@ -18,6 +18,7 @@ import numpy as np
 from surefoot.errors import UsageError
 from surefoot.robot_files.judge import warnings_of
 from surefoot.robot_files.scenario_fit import scale_to_robot as fitted
+from surefoot.robot_io.errors import RobotFileError
 from surefoot.robot_io.relay.relay import find_plan
 from surefoot.robot_io.robot import (
     Robot,
@@ -36,7 +37,7 @@ from surefoot.schemas.scenario import (
     with_recordings,
 )
 from surefoot.schemas.settings import ControllerSettings, build_settings
-from surefoot.schemas.toml_file import read_toml, struct_table, toml_text
+from surefoot.schemas.toml_file import plain, read_toml, struct_table, toml_text
 from surefoot.schemas.walk_plan import WalkPlan
 from surefoot.sim_robot.catalogue import find_scenario, naming_scenario
 from surefoot.sim_robot.conventions import check_duration
@@ -285,6 +286,46 @@ def resolve_robot(robot: str | Path | Robot, servo_profile: str | None) -> Robot
     return make_robot(file, path=robot.path, urdf_path=robot.urdf_path)
 
 
+def check_on_disk(robot: Robot) -> None:
+    """Check that a robot's file holds it, for whoever loads it from there.
+
+    Raises:
+        UsageError: with its servo profile the file gives another robot, or none.
+    """
+    profile = robot.file.servo.profile
+    try:
+        held = load_robot(robot.path, servo_profile=profile)
+    except (RobotFileError, FileFormatError) as error:
+        differing = f"its file gives none: {error}"
+    else:
+        parts = [
+            (name, getattr(robot.file, name), getattr(held.file, name))
+            for name in robot.file.__struct_fields__
+        ]
+        # All else of a robot follows from its file and its URDF.
+        parts += [
+            (field.name, getattr(robot, field.name), getattr(held, field.name))
+            for field in fields(robot)
+            if field.name != "file"
+        ]
+        names = [name for name, ours, theirs in parts if not _same(ours, theirs)]
+        if not names:
+            return
+        differing = f"differing: {', '.join(names)}"
+    raise UsageError(
+        f"robot {robot.file.name!r}: got a Robot changed in Python, or whose file was "
+        f"changed since; expected what {robot.path} holds with servo profile "
+        f"{profile!r} ({differing}). Other processes, studies and saved runs load the "
+        "robot from its file: write the changes to a file, such as one that `extends` "
+        "it, and load that; sf.simulate takes a Robot as it is"
+    )
+
+
+def _same(one: Any, other: Any) -> bool:
+    is_array = isinstance(one, np.ndarray) or isinstance(other, np.ndarray)
+    return np.array_equal(one, other) if is_array else bool(one == other)
+
+
 def _find_relay_plan(relay: str, mode: Mode) -> Path:
     """Find a relay plan and check it here, before a child process needs it."""
     if mode == "lockstep":
@@ -318,12 +359,10 @@ def resolve_settings(
     if settings is None:
         return build_settings({}, overrides=texts, source="--set")
     if isinstance(settings, ControllerSettings):
-        if not texts:
-            return settings
-        table = msgspec.to_builtins(settings)
-        return build_settings(table, overrides=texts, source="settings")
+        return build_settings(plain(settings), overrides=texts, source="settings")
     if isinstance(settings, Mapping):
-        return build_settings(_sections(settings), overrides=texts, source="settings")
+        table = _sections(plain(settings))
+        return build_settings(table, overrides=texts, source="settings")
     path = find_settings(Path(settings))
     table = read_toml(path)
     resolved = build_settings(table, overrides=texts, source=str(path))
@@ -341,8 +380,7 @@ def _sections(values: Mapping[str, Any]) -> dict[str, Any]:
         if not dot:
             tables[name] = value
             continue
-        part = tables.setdefault(section, {})
-        part[key] = list(value) if isinstance(value, tuple) else value
+        tables.setdefault(section, {})[key] = value
     return tables
 
 

@@ -92,8 +92,8 @@ class Run:
             The saved run.
 
         Raises:
-            UsageError: the folder cannot be used, or the run was made without
-                ``record=True``.
+            UsageError: the folder cannot be used, the robot's file does not hold the
+                robot, or the run was made without ``record=True``.
         """
         signals = self.signals
         reads = [*self.plan.files]
@@ -251,7 +251,7 @@ def run(
 
     Raises:
         ChildFailedError: a process failed; the message quotes its last lines.
-        UsageError: the folder cannot be used.
+        UsageError: the folder cannot be used, or the file does not hold the robot.
     """
     mode: Mode = "realtime" if realtime else "lockstep"
     plan = make_plan(
@@ -308,7 +308,7 @@ def execute(
             the error holds the run so far.
         RunInterrupted: Ctrl-C or SIGTERM; the folder keeps the record, and the error
             holds the run so far.
-        UsageError: the folder cannot be used.
+        UsageError: the folder cannot be used, or the file does not hold the robot.
         EndpointError: the endpoints cannot.
     """
     check_controller(plan.controller)

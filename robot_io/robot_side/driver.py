@@ -9,7 +9,7 @@ import logging
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from typing import Protocol, runtime_checkable
+from typing import Protocol
 
 import numpy as np
 
@@ -24,7 +24,7 @@ from surefoot.robot_io.realtime import (
 from surefoot.robot_io.robot import Robot, load_tare
 from surefoot.robot_io.robot_side.gate import CommandGate
 from surefoot.robot_io.robot_side.server import RobotServer
-from surefoot.robot_io.snapshot import Snapshot
+from surefoot.robot_io.snapshot import Snapshot, SnapshotLayout
 from surefoot.schemas.arrays import Array
 from surefoot.schemas.endpoints import Endpoints
 from surefoot.schemas.reasons import ModeCause
@@ -36,7 +36,12 @@ class VendorAdapter(Protocol):
     """Interface to a vendor's robot, in our joint order, units, signs and frames.
 
     The loop alone calls both methods, once per tick. They must not block for longer
-    than a fraction of a tick.
+    than a fraction of a tick. An adapter may have either of two more members:
+
+    - ``missing: tuple[str, ...]``, after each ``read``: channels without a recent value
+      in it. They are not sent, so that the stabilizer notices.
+    - ``wait() -> None`` returns at the robot's next reading, or after a long silence.
+      It paces the loop of a robot that sends readings by itself.
     """
 
     def read(self, tick: int, stamp_ns: int) -> Snapshot:
@@ -55,22 +60,6 @@ class VendorAdapter(Protocol):
         Args:
             q_command: (n_a,) positions passed by the gate, also in HOLD [rad].
         """
-        ...
-
-
-@runtime_checkable
-class PacingAdapter(VendorAdapter, Protocol):
-    """Adapter of a robot that sends readings at its own pace, each sensor by itself.
-
-    Attributes:
-        missing: channels without a recent value in the last reading; they are not sent,
-            so that the stabilizer notices.
-    """
-
-    missing: tuple[str, ...]
-
-    def wait(self) -> None:
-        """Return at the robot's next reading, or after a long silence."""
         ...
 
 
@@ -99,7 +88,7 @@ def run_driver(
     servos hold their last command, and the commander is told the reason.
 
     Args:
-        adapter: the vendor's robot; a :class:`PacingAdapter` sets the pace itself.
+        adapter: the vendor's robot; one with ``wait`` sets the pace itself.
         robot: the robot of the files; sets the control rate.
         endpoints: where to listen.
         stop: ends the loop, besides signals.
@@ -112,12 +101,13 @@ def run_driver(
     Raises:
         EndpointError: Zenoh cannot listen there.
         FileFormatError: the file with the offsets is malformed.
-        RobotFileError: the adapter's first reading is no posture of this robot;
-            nothing has been written to the adapter.
+        RobotFileError: the adapter's first reading is no reading of this robot's
+            sensors, or no posture of it; nothing has been written to the adapter.
     """
     tare = load_tare(robot.path)
     stop = stop or StopRequest()
     first = adapter.read(0, time.monotonic_ns())
+    _check_fields(robot, first)
     gate = make_gate(robot, _first_posture(robot, first.q))
     begin_s = time.monotonic()
     with (
@@ -127,8 +117,7 @@ def run_driver(
     ):
         pacer = Pacer(robot.period_s, lateness=TimingLog())
         latency = CommandLatency()
-        paced = adapter if isinstance(adapter, PacingAdapter) else None
-        wait = pacer.wait if paced is None else paced.wait
+        wait: Callable[[], None] = getattr(adapter, "wait", pacer.wait)
         ready()
         if tare.is_zero and robot.file.virtual_ft is None:
             _LOG.warning(
@@ -136,7 +125,6 @@ def run_driver(
                 "few per cent of the weight can fell it: surefoot tare",
                 robot.file.name,
             )
-        missing: tuple[str, ...] = ()
         tick, posture = 0, gate.posture
         with quiet_interpreter():
             while not stop.is_set:
@@ -144,8 +132,7 @@ def run_driver(
                 gate.begin_tick(now_s=now_s, tick=tick)
                 server.serve_requests(now_s=now_s)
                 snapshot = tare.taken_off(adapter.read(tick, time.monotonic_ns()))
-                if paced is not None:
-                    missing = paced.missing
+                missing: tuple[str, ...] = getattr(adapter, "missing", ())
                 stamp_ns = snapshot.stamp_ns
                 latency.sensed(tick, stamp_ns=stamp_ns)
                 server.publish_sensors(snapshot, stamp_ns=stamp_ns, missing=missing)
@@ -183,6 +170,25 @@ def _telling_the_end(
         server.see_off(commander)
 
 
+def _check_fields(robot: Robot, first: Snapshot) -> None:
+    """Check the kind and shape of all readings, which later ticks trust.
+
+    Raises:
+        RobotFileError: one is no array, or has another shape.
+    """
+    for field, place in SnapshotLayout(robot.n_a).places.items():
+        value, expected = getattr(first, field, None), (place.stop - place.start,)
+        got = repr(value)
+        if isinstance(value, np.ndarray):
+            if value.shape == expected and value.dtype.kind in "fiu":
+                continue
+            got = f"an array {value.shape} of {value.dtype}"
+        raise RobotFileError(
+            f"the driver's first reading: {field}: got {got}, expected an array "
+            f"{expected} of floats; mend the adapter's read(), see Snapshot"
+        )
+
+
 def _first_posture(robot: Robot, q: Array) -> Array:
     """Return the posture to hold from the first reading on, (n_a,) [rad].
 
@@ -190,19 +196,15 @@ def _first_posture(robot: Robot, q: Array) -> Array:
     move the robot.
 
     Raises:
-        RobotFileError: not one number per joint, or one far outside its range.
+        RobotFileError: a number is far outside its joint's range.
     """
-    hint = "are they in rad, and in the order of the robot file?"
-    if q.shape != (robot.n_a,):
-        raise RobotFileError(
-            f"the driver reads {q.size} joint positions, expected {robot.n_a}; {hint}"
-        )
     held: Array = np.clip(q, robot.lower, robot.upper)
     is_near = np.abs(q - held) <= robot.file.gate.first_command_tolerance_rad
     if not is_near.all():
         worst = int(np.argmin(is_near))
         raise RobotFileError(
             f"the driver reads {q[worst]:g} rad for {robot.joint_names[worst]}, whose "
-            f"range is [{robot.lower[worst]:g}, {robot.upper[worst]:g}]; {hint}"
+            f"range is [{robot.lower[worst]:g}, {robot.upper[worst]:g}]; are they in "
+            "rad, and in the order of the robot file?"
         )
     return held

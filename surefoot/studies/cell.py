@@ -5,7 +5,7 @@ Studies, searches and the paper's evaluation are made of such runs.
 
 from __future__ import annotations
 
-from collections.abc import Hashable, Mapping
+from collections.abc import Hashable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
@@ -13,10 +13,11 @@ from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
 import msgspec
 
 from surefoot.errors import UsageError
-from surefoot.run_plan import resolve_settings
+from surefoot.robot_io.robot import Robot, load_robot
+from surefoot.run_plan import check_on_disk, resolve_settings
 from surefoot.schemas.reasons import Outcome
 from surefoot.schemas.settings import ControllerSettings, setting_names
-from surefoot.schemas.toml_file import override_texts
+from surefoot.schemas.toml_file import override_texts, plain
 from surefoot.schemas.validation import nearest
 from surefoot.stabilizer.controller import CONTROLLERS
 from surefoot.stabilizer.factory import find_controller
@@ -249,13 +250,51 @@ _KNOWN = (
 VARIANTS = {variant.name: variant for variant in _KNOWN}
 
 
+def name_of(given: Any, what: str, *, example: str = "mine.toml") -> str:
+    """Return a name or a path as a text, as it is sent to other processes.
+
+    Args:
+        given: by the user; also a robot that is what its file holds.
+        what: it names.
+        example: of a path.
+
+    Raises:
+        UsageError: it is another object, or a robot that was changed.
+    """
+    if isinstance(given, Robot):
+        check_on_disk(given)
+        given = given.path
+    if isinstance(given, (str, Path)):
+        return str(given)
+    is_class = isinstance(given, type)
+    got = given.__name__ if is_class else f"a {type(given).__name__}"
+    raise UsageError(
+        f"{what}: got {got}, expected a name or a path, such as {example}: runs are "
+        f"made in other processes, which load the {what} by it; write yours to a file"
+    )
+
+
+def names_of(given: Any, what: str) -> list[str]:
+    """Return names or paths as texts, one alone too; see :func:`name_of`."""
+    is_one = isinstance(given, (str, Path)) or not isinstance(given, Iterable)
+    return [name_of(each, what) for each in ([given] if is_one else given)]
+
+
+def seeds_of(given: int | Iterable[int]) -> Sequence[int]:
+    """Return seeds, given their number, from 0 on, or themselves."""
+    seeds = given if isinstance(given, range) else plain(given)
+    return range(seeds) if isinstance(seeds, int) else seeds
+
+
 def find_variant(name: str) -> Variant:
     """Find a variant by name; a controller's name gives it with default settings.
 
     Raises:
-        UsageError: no such variant, or an installed controller has its name too.
+        UsageError: no such variant, the message lists all; or an installed controller
+            has its name, too; or it is no name.
         ControllerError: an external controller cannot be found.
     """
+    name = name_of(name, "controller", example="path/to/file.py:Class")
     installed = list_controllers()
     if name in VARIANTS:
         if name in installed and name not in CONTROLLERS:
@@ -300,7 +339,6 @@ def plan_in(
         FileFormatError: settings contradict each other, the robot or the scenario, or
             a scenario built in Python has a value out of range.
     """
-    from surefoot.robot_io.robot import load_robot
     from surefoot.run_plan import RunPlan
     from surefoot.schemas.scenario import scenario_from_table
     from surefoot.schemas.toml_file import struct_table

@@ -18,10 +18,12 @@ from typing import Any
 
 from surefoot.errors import UsageError
 from surefoot.presentation import CountBar, no_bar
+from surefoot.robot_io.robot import Robot
+from surefoot.run_plan import resolve_robot
 from surefoot.schemas.errors import FileFormatError
 from surefoot.schemas.scenario import Scenario
 from surefoot.schemas.settings import build_settings, setting_names
-from surefoot.schemas.toml_file import override_texts
+from surefoot.schemas.toml_file import override_texts, plain
 from surefoot.schemas.validation import nearest
 from surefoot.stabilizer.factory import check_read
 from surefoot.studies.cell import (
@@ -31,6 +33,9 @@ from surefoot.studies.cell import (
     find_variant,
     group_of,
     hashable,
+    name_of,
+    names_of,
+    seeds_of,
 )
 from surefoot.studies.execute import execute
 from surefoot.studies.store import StudyStore
@@ -75,10 +80,10 @@ def study(
     scenarios: str | Path | Sequence[str | Path],
     *,
     vary: Mapping[str, Sequence[Any]] | None = None,
-    controllers: Sequence[str] = ("whole-body",),
-    servo_profiles: Sequence[str] = ("ideal",),
+    controllers: str | Sequence[str] = "whole-body",
+    servo_profiles: str | Sequence[str] | None = None,
     seeds: int | Iterable[int] = 1,
-    robot: str | Path = "walker",
+    robot: str | Path | Robot = "walker",
     settings: Mapping[str, Any] | None = None,
     jobs: int = 0,
     scheduler: str | None = None,
@@ -92,9 +97,9 @@ def study(
         vary: values of scenario keys by path, such as ``{"friction": [0.4, 0.7]}``.
         controllers: ``whole-body``, ``person``, ``paper``, ``zmp-tuned``,
             ``zmp-stock`` or any name as on the command line.
-        servo_profiles: of the robot file.
+        servo_profiles: of the robot file; its own choice when None.
         seeds: number of seeds, from 0 on, or a list of seeds.
-        robot: shipped name or path of a robot file.
+        robot: shipped name or path of a robot file, or a robot loaded from one.
         settings: for all runs, such as ``{"tsid.base_kp": 120.0}``.
         jobs: processes; 0 for one per processor.
         scheduler: address of a Dask scheduler, such as ``tcp://head:8786``, whose
@@ -104,17 +109,20 @@ def study(
         bar: shows how many runs are done.
 
     Raises:
-        UsageError: a name is unknown, or the folder holds another study.
+        UsageError: a name is unknown or no name, the folder holds another study, or
+            the robot's file does not hold the robot.
         FileFormatError: a value does not fit its scenario; nothing has been run.
     """
-    several = [scenarios] if isinstance(scenarios, (str, Path)) else scenarios
-    names = [str(scenario) for scenario in several]
+    place_of_robot = name_of(robot, "robot")
     cells = make_cells(
-        names,
-        levels=[[(k, v) for v in vs] for k, vs in (vary or {}).items()],
-        controllers=controllers,
-        servo_profiles=servo_profiles,
-        seeds=range(seeds) if isinstance(seeds, int) else list(seeds),
+        names_of(scenarios, "scenario"),
+        robot=robot,
+        levels=[[(k, v) for v in plain(vs)] for k, vs in (vary or {}).items()],
+        controllers=[controllers] if isinstance(controllers, str) else controllers,
+        servo_profiles=(
+            [servo_profiles] if isinstance(servo_profiles, str) else servo_profiles
+        ),
+        seeds=seeds_of(seeds),
     )
     overrides = tuple(override_texts(settings or {}))
     place = (
@@ -126,7 +134,7 @@ def study(
         return run_study(
             cells,
             Path(folder),
-            robot=str(robot),
+            robot=place_of_robot,
             overrides=overrides,
             jobs=jobs,
             scheduler=scheduler,
@@ -137,24 +145,27 @@ def study(
 def make_cells(
     scenarios: Sequence[str],
     *,
+    robot: str | Path | Robot,
     levels: Sequence[Sequence[tuple[str, Any]]],
     controllers: Sequence[str],
-    servo_profiles: Sequence[str],
+    servo_profiles: Sequence[str] | None,
     seeds: Sequence[int],
 ) -> list[Cell]:
     """Return every combination: all cases with one seed, then with the next.
 
     Args:
         scenarios: shipped names or paths.
+        robot: its own servo profile is used unless others are given.
         levels: for each varied scenario key or setting, its path with each of its
             values.
         controllers: see :func:`study`.
-        servo_profiles: of the robot file.
+        servo_profiles: of the robot file; its own choice when None.
         seeds: of the sensor noise.
 
     Raises:
         UsageError: there is no such controller, a key is varied twice, or there are
             more than ``MOST_RUNS``.
+        RobotFileError: there is no such robot.
         FileFormatError: none of the controllers reads a setting that is varied.
     """
     varied = [path for key in levels for path, _ in key[:1]]
@@ -164,6 +175,8 @@ def make_cells(
             f"{twice}: is varied twice; give all of its values at once, such as "
             f"--vary {twice}=A,B"
         )
+    if servo_profiles is None:
+        servo_profiles = [resolve_robot(robot, None).file.servo.profile]
     factors = (scenarios, *levels, servo_profiles, controllers, seeds)
     runs = math.prod(map(len, factors))
     if not 0 < runs <= MOST_RUNS:

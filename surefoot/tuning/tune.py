@@ -17,8 +17,9 @@ from surefoot.installation import install_command
 from surefoot.out_folder import make_out_folder, undone_on_error
 from surefoot.presentation import CountBar, no_bar
 from surefoot.processes.child import Child, Event, Exit, Progress, failure
+from surefoot.robot_io.robot import Robot
 from surefoot.run_plan import Settings
-from surefoot.studies.cell import Row
+from surefoot.studies.cell import Row, name_of, names_of, seeds_of
 from surefoot.studies.execute import check_address, run_tasks
 
 try:
@@ -61,7 +62,7 @@ def tune(
     controller: str = "whole-body",
     settings: Settings = None,
     overrides: Sequence[str] = (),
-    robot: str | Path = "walker",
+    robot: str | Path | Robot = "walker",
     servo_profile: str | None = None,
     sampler: Sampler = "tpe",
     sampler_seed: int = 0,
@@ -90,7 +91,7 @@ def tune(
         controller: name or variant, as for :func:`surefoot.study`.
         settings: settings at the start; the controller's own when None.
         overrides: further settings as texts ``section.name=value``.
-        robot: shipped name or path of a robot file.
+        robot: shipped name or path of a robot file, or a robot loaded from one.
         servo_profile: of the robot file; its own choice when None.
         sampler: ``tpe`` or ``nsga2``.
         sampler_seed: with one worker, the same seed makes the same search.
@@ -112,21 +113,23 @@ def tune(
         )
     if scheduler is not None:
         check_address(scheduler)
-    several = [scenarios] if isinstance(scenarios, (str, Path)) else scenarios
+    place = name_of(robot, "robot")
+    if isinstance(robot, Robot) and servo_profile is None:
+        servo_profile = robot.file.servo.profile
     spec = make_spec(
-        [str(scenario) for scenario in several],
+        names_of(scenarios, "scenario"),
         params,
         objectives=list(objectives),
-        seeds=list(range(seeds)) if isinstance(seeds, int) else list(seeds),
+        seeds=list(seeds_of(seeds)),
         controller=controller,
         settings=settings,
         overrides=overrides,
-        robot=str(robot),
+        robot=place,
         servo_profile=servo_profile,
         sampler=sampler,
         sampler_seed=sampler_seed,
     )
-    unseen = held_out_cells(spec, [str(name) for name in held_out], held_out_seeds)
+    unseen = held_out_cells(spec, names_of(held_out, "scenario"), held_out_seeds)
     with undone_on_error() as making:
         making(folder)
         making(workers_folder(journal))

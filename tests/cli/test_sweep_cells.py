@@ -51,6 +51,7 @@ def test_every_combination_is_there_once_a_round_per_seed() -> None:
         ["standing", "push-standing"],
         levels=[parse_vary("friction=0.4,0.7"), parse_vary("pace=1,2,3")],
         controllers=["whole-body", "zmp-tuned"],
+        robot="walker",
         servo_profiles=["ideal"],
         seeds=[3, 5],
     )
@@ -67,6 +68,7 @@ def test_a_study_that_no_one_could_run_is_refused_at_once() -> None:
             ["standing"],
             levels=[parse_vary("friction=0.4:1:1000000")],
             controllers=["whole-body"],
+            robot="walker",
             servo_profiles=["ideal"],
             seeds=range(10**12),
         )
@@ -78,6 +80,7 @@ def test_unknown_controller_is_refused_with_the_valid_ones() -> None:
             ["standing"],
             levels=[],
             controllers=["zpm"],
+            robot="walker",
             servo_profiles=["ideal"],
             seeds=[0],
         )
@@ -105,6 +108,7 @@ def test_value_that_is_varied_twice_is_refused() -> None:
             ["standing"],
             levels=[parse_vary("friction=0.5"), parse_vary("friction=0.7")],
             controllers=["hold"],
+            robot="walker",
             servo_profiles=["ideal"],
             seeds=[0],
         )
@@ -115,6 +119,7 @@ def test_lists_are_values_too_and_are_shown() -> None:
         ["standing"],
         levels=[parse_vary("sensors.force_bias_n=[1,2.5,3]")],
         controllers=["hold"],
+        robot="walker",
         servo_profiles=["ideal"],
         seeds=[0],
     )

@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
+import re
 import signal
 import subprocess
 import sys
 import threading
+from collections.abc import Iterator
 from concurrent.futures import Future
+from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -25,7 +29,7 @@ from tests.patient_robot import JUDGED, patient_robot_file
 from tests.robot_io.client_at_work import WALKER, new_client, status_when
 from tests.robot_io.conformance.verdict import check_passes_but_for_time
 from tests.robot_io.sensor_messages import snapshot_at
-from tests.support import PATIENCE_S
+from tests.support import PATIENCE_S, wait_until
 
 DRIVER = REPOSITORY / "deploy" / "driver" / "acme_driver.py"
 MOST_LINES = 100
@@ -60,7 +64,6 @@ class Hardware:
         (np.degrees(WALKER.nominal), "are they in rad"),
         (WALKER.nominal[::-1], "in the order of the robot file"),
         (np.full(WALKER.n_a, np.nan), "reads nan rad for head_yaw"),
-        (WALKER.nominal[1:], "reads 27 joint positions, expected 28"),
     ],
 )
 def test_what_is_no_posture_at_first_is_refused_and_nothing_moves(
@@ -71,6 +74,88 @@ def test_what_is_no_posture_at_first_is_refused_and_nothing_moves(
     with pytest.raises(RobotFileError, match=told):
         run_driver(hardware, WALKER, endpoints=endpoints, stop=stop)
     assert hardware.written == []
+
+
+@pytest.mark.parametrize(
+    ("changed", "told"),
+    [
+        ({"q": WALKER.nominal[1:]}, "q: got an array (27,) of float64, expected an"),
+        ({"q": WALKER.nominal.tolist()}, "q: got [0.0, "),
+        ({"dq": None}, "dq: got None, expected an array (28,) of floats"),
+        ({"quat_xyzw": np.eye(4)}, "quat_xyzw: got an array (4, 4) of float64"),
+        ({"ft_left": np.array(["1"] * 6)}, "ft_left: got an array (6,) of <U1"),
+    ],
+)
+def test_a_first_reading_of_another_shape_is_refused(
+    endpoints: Endpoints, changed: dict[str, Any], told: str
+) -> None:
+    class Misread(Hardware):
+        def read(self, tick: int, stamp_ns: int) -> Snapshot:
+            return replace(super().read(tick, stamp_ns), **changed)
+
+    hardware, stop = Misread(WALKER.nominal), StopRequest()
+    stop.set()
+    with pytest.raises(RobotFileError, match=re.escape(told)):
+        run_driver(hardware, WALKER, endpoints=endpoints, stop=stop)
+    assert hardware.written == []
+
+
+@contextmanager
+def driven(hardware: Hardware, endpoints: Endpoints) -> Iterator[None]:
+    """A driver's loop in a thread."""
+    up, stop = threading.Event(), StopRequest()
+    thread = threading.Thread(
+        target=run_driver,
+        args=(hardware, WALKER),
+        kwargs={"endpoints": endpoints, "ready": up.set, "stop": stop},
+    )
+    thread.start()
+    try:
+        assert up.wait(PATIENCE_S)
+        yield
+    finally:
+        stop.set()
+        thread.join()
+
+
+def test_a_driver_in_the_pace_of_the_loop_may_miss_a_sensor(
+    endpoints: Endpoints,
+) -> None:
+    class Deaf(Hardware):
+        missing = ("imu",)
+
+    with (
+        driven(Deaf(WALKER.nominal), endpoints),
+        new_client(endpoints, "ann") as client,
+    ):
+        assert client.connect(timeout_s=PATIENCE_S)
+
+        def lacks_the_imu() -> bool:
+            whole = client.wait_snapshot(timeout_s=0.05)
+            return whole is None and client.missing_sensors() == ("imu",)
+
+        wait_until(lacks_the_imu, what="ticks without the IMU")
+
+
+def test_a_driver_with_its_own_pace_need_not_tell_what_is_missing(
+    endpoints: Endpoints,
+) -> None:
+    class Paced(Hardware):
+        waits = 0
+
+        def read(self, tick: int, stamp_ns: int) -> Snapshot:
+            if tick == 9:
+                stop.set()
+            return super().read(tick, stamp_ns)
+
+        def wait(self) -> None:
+            self.waits += 1
+            if self.waits == 3:
+                stop.set()
+
+    hardware, stop = Paced(WALKER.nominal), StopRequest()
+    run_driver(hardware, WALKER, endpoints=endpoints, stop=stop)
+    assert (hardware.waits, len(hardware.written)) == (3, 3)
 
 
 def test_hardware_that_fails_is_held_and_its_commander_told_why(

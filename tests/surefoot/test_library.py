@@ -18,7 +18,7 @@ import pytest
 import surefoot as sf
 from surefoot.controllers import idle_notice, notices, walk_notice
 from surefoot.robot_io.robot import make_robot
-from surefoot.run_plan import make_plan
+from surefoot.run_plan import check_on_disk, make_plan
 from surefoot.schemas.scenario import scenario_from_table
 from surefoot.schemas.toml_file import struct_table, toml_text
 from tests.command import Surefoot
@@ -90,6 +90,38 @@ def test_a_study_of_no_seed_is_refused() -> None:
         sf.study("standing", seeds=[])
 
 
+@pytest.mark.parametrize(
+    ("given", "told"),
+    [
+        ({"scenarios": [ROLLING]}, "scenario: got a Scenario, expected a name or a"),
+        ({"scenarios": ROLLING}, "scenario: got a Scenario, expected a name or a"),
+        ({"controllers": [sf.Controller]}, "controller: got Controller, expected a na"),
+        ({"robot": {}}, "robot: got a dict, expected a name or a path"),
+    ],
+)
+def test_a_study_tells_what_its_processes_cannot_load(given: Any, told: str) -> None:
+    with pytest.raises(sf.UsageError, match=re.escape(told)):
+        sf.study(**{"scenarios": "standing", **given})
+
+
+def test_a_study_of_a_loaded_robot_has_its_servo_profile(tmp_path: Path) -> None:
+    file = tmp_path / "s.toml"
+    file.write_text('name = "s"\nduration_s = 0.01\n', encoding="utf-8")
+    robot = sf.load_robot("walker", servo_profile="harmonic")
+    study = sf.study(file, robot=robot, controllers="hold", jobs=1)
+    assert [row["servo_profile"] for row in study.rows] == ["harmonic"]
+
+
+def test_a_study_has_the_servo_profile_of_the_robot_file(tmp_path: Path) -> None:
+    scenario, robot = tmp_path / "s.toml", tmp_path / "mine.toml"
+    scenario.write_text('name = "s"\nduration_s = 0.01\n', encoding="utf-8")
+    robot.write_text('extends = "walker"\nservo.profile = "harmonic"\n', "utf-8")
+    study = sf.study(scenario, robot=robot, controllers=["hold"], jobs=1)
+    own = sf.simulate(robot, scenario, controller="hold")
+    assert [row["log_sha256"] for row in study.rows] == [own.result.log_sha256]
+    assert "harmonic" in study.table()
+
+
 def test_a_loaded_robot_takes_another_servo_profile_and_stays_what_it_is() -> None:
     walker = sf.load_robot("walker", servo_profile="ideal")
     file = msgspec.structs.replace(walker.file, rate_hz=500.0)
@@ -100,6 +132,47 @@ def test_a_loaded_robot_takes_another_servo_profile_and_stays_what_it_is() -> No
     assert plan.robot.file.rate_hz == 500.0
 
 
+def _changed_walker() -> sf.Robot:
+    walker = sf.load_robot("walker")
+    slow = msgspec.structs.replace(walker.servo_profile, lag_s=0.01)
+    servo = msgspec.structs.replace(walker.file.servo, profiles={"ideal": slow})
+    file = msgspec.structs.replace(walker.file, servo=servo)
+    return make_robot(file, path=walker.path, urdf_path=walker.urdf_path)
+
+
+def test_a_robot_that_its_file_does_not_hold_is_refused_where_the_file_is_read(
+    tmp_path: Path,
+) -> None:
+    told, out = r"walker\.toml holds .* \(differing: servo\)", tmp_path / "out"
+    robot, short = _changed_walker(), msgspec.structs.replace(ROLLING, duration_s=0.02)
+    with pytest.raises(sf.UsageError, match=told):
+        sf.run(robot, short, out=out)
+    with pytest.raises(sf.UsageError, match=told):
+        sf.study("standing", robot=robot)
+    run = sf.simulate(robot, short)
+    with pytest.raises(sf.UsageError, match=told):
+        run.save(out)
+    assert not out.exists()
+    file = tmp_path / "slow.toml"
+    file.write_text(
+        'extends = "walker"\n[servo.profiles.ideal]\nlag_s = 0.01\n'
+        f"velocity_limit_rad_s = {robot.servo_profile.velocity_limit_rad_s}\n",
+        encoding="utf-8",
+    )
+    written = sf.load_robot(file)
+    kept = sf.simulate(written, short).save(out)
+    assert kept.result.log_sha256 == run.result.log_sha256
+    file.unlink()
+    with pytest.raises(sf.UsageError, match=r"gives none: .*slow\.toml"):
+        sf.simulate(written, short).save(out, overwrite=True)
+    assert (out / "result.json").is_file()  # the former run is still there
+
+
+@pytest.mark.parametrize("profile", ["ideal", "harmonic"])
+def test_a_loaded_robot_is_what_its_file_holds(profile: str) -> None:
+    check_on_disk(sf.load_robot("walker", servo_profile=profile))
+
+
 def test_settings_may_be_a_table_of_names(run: sf.Run) -> None:
     same = sf.simulate("walker", ROLLING, seed=3, settings={"tsid.com_kp": 40.0})
     other = sf.simulate("walker", ROLLING, seed=3, settings={"tsid.base_kp": 500.0})
@@ -107,6 +180,45 @@ def test_settings_may_be_a_table_of_names(run: sf.Run) -> None:
     assert other.result.log_sha256 != run.result.log_sha256
     with pytest.raises(sf.FileFormatError, match="did you mean 'com_kp'"):
         sf.simulate("walker", ROLLING, settings={"tsid.comkp": 40.0})
+
+
+def test_numbers_of_numpy_are_numbers_and_arrays_lists(tmp_path: Path) -> None:
+    def push(duration_s: Any, force_n: Any) -> sf.Push:
+        return sf.Push(
+            body="torso", start_s=0.0, duration_s=duration_s, force_n=force_n
+        )
+
+    given = sf.Scenario(
+        name="n",
+        duration_s=np.float64(0.01),
+        friction=np.float32(0.5),
+        push=[push(np.float64(0.005), np.array([1, 2.5, 3]))],
+    )
+    same = sf.Scenario(
+        name="n", duration_s=0.01, friction=0.5, push=[push(0.005, [1.0, 2.5, 3.0])]
+    )
+    names = {"tsid.base_kp": np.float64(90), "tsid.com_kp": np.array([9, 8, 7])}
+    plan = make_plan(given, settings=names)
+    assert plan.scenario == make_plan(same).scenario
+    expected = make_plan(same, settings={k: v.tolist() for k, v in names.items()})
+    assert plan.settings == expected.settings
+    tsid = msgspec.structs.replace(sf.ControllerSettings().tsid, com_kp=np.full(3, 30))
+    built = make_plan(given, settings=sf.ControllerSettings(tsid=tsid)).settings
+    assert built.tsid.com_kp == (30.0, 30.0, 30.0)
+    file = tmp_path / "s.toml"
+    file.write_text(toml_text(struct_table(given)), encoding="utf-8")
+    study = sf.study(
+        file,
+        vary={"friction": np.linspace(0.4, 0.5, 2), "tsid.base_kp": np.arange(90, 91)},
+        settings={"tsid.com_kp": np.array([9, 8, 7])},
+        seeds=np.arange(np.int64(3), 4),
+        jobs=1,
+    )
+    assert [row["values"]["friction"] for row in study.rows] == [0.4, 0.5]
+    again = sf.simulate("walker", given, settings=names, seed=3)
+    assert study.rows[1]["log_sha256"] == again.result.log_sha256
+    with pytest.raises(sf.FileFormatError, match=r"got <object .* expected numbers"):
+        make_plan(sf.Scenario(name="n", duration_s=object()))  # type: ignore[arg-type]
 
 
 def test_another_controller_takes_over_where_the_robot_is() -> None:
