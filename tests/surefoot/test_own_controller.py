@@ -230,6 +230,8 @@ def test_one_that_answers_no_numbers_is_given_up_the_same_way_on_the_bus(
         result = json.loads(done.stdout)
         assert (result["outcome"], result["end"]) == ("held", "controller_failed")
         assert "answered 28 of 28 joint positions" in result["end_detail"]
+        # On the bus a command may come after the request to hold that followed it.
+        assert result["refused"].pop("mode", 0) <= 1
         assert result["refused"] == {"not_finite": 10}
         told.append((result["outcome_detail"], result["log_sha256"]))
     assert told[0] == told[1]
