@@ -51,6 +51,8 @@ OPTIONAL = tuple(
 _CALLERS = ("<", str(Path(__file__).parents[1]), str(Path(importlib.__file__).parent))
 """Beginnings of files that call a user's code: frozen, the library's, importlib's."""
 _LONGEST_TEXT = 200
+_TEXTS: dict[str, bytes] = {}
+"""Sources of the modules that were loaded here from files, by name."""
 _SIZES = {
     "F_id": 12, "F_meas": 12, "com": 3, "com_reference": 3, "base_pose": 7,
     "base_twist": 6, "r": 12,
@@ -200,29 +202,33 @@ def _module_of_file(path: Path) -> ModuleType:
     """Return the module of a file, loaded once per process and findable for pickle.
 
     A module that is imported already is reused: loaded twice it would have two classes.
+    One that was loaded here is loaded anew after a change of its file, as in a
+    notebook.
     """
     if not path.is_file():
         raise ControllerError(
             f"controller: {path}: no such file; expected path/to/file.py:Class"
         )
     whole = path.resolve()
+    text = whole.read_bytes()
     for name, module in list(sys.modules.items()):
         file = str(vars(module).get("__file__"))
         is_it = file.endswith(whole.name) and Path(file).resolve() == whole
-        if is_it and name != "__main__":
+        if is_it and name != "__main__" and _TEXTS.get(name, text) == text:
             return module
     digest = hashlib.sha256(str(whole).encode()).hexdigest()[:8]
     name = f"surefoot_controller_{whole.stem}_{digest}"
     spec = importlib.util.spec_from_file_location(name, whole)
     assert spec is not None
-    assert spec.loader is not None
     module = importlib.util.module_from_spec(spec)
     sys.modules[name] = module
     try:
-        spec.loader.exec_module(module)
+        # Not by its loader, which takes a quick change of the same length for none.
+        exec(compile(text, whole, "exec"), vars(module))
     except BaseException:
         del sys.modules[name]
         raise
+    _TEXTS[name] = text
     return module
 
 

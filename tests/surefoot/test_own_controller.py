@@ -149,6 +149,17 @@ def test_one_that_does_not_load_is_told_in_words(
         sf.simulate("walker", SCENARIO, controller=f"{file}:X")
 
 
+def test_a_file_that_has_changed_is_loaded_anew(tmp_path: Path) -> None:
+    """As in a notebook, whose process lives on; within a second, of the same length."""
+    file = tmp_path / "edited.py"
+    text = "from tests.surefoot.own_controllers import Stay\nclass X(Stay): gain = 1"
+    file.write_text(text)
+    before, again = (foreign.find_target(f"{file}:X") for _ in range(2))
+    assert before is again
+    file.write_text(text.replace("1", "2"))
+    assert foreign.find_target(f"{file}:X").gain == 2
+
+
 def test_a_missing_package_of_a_controller_is_named(tmp_path: Path) -> None:
     file = tmp_path / "needs.py"
     file.write_text("import no_such_package")
