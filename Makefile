@@ -5,8 +5,8 @@ BIN := $(VENV)/bin
 STAMP := $(VENV)/.installed
 ROS2_VENV := .venv-ros2
 OUT ?= out/demo
-# One more than two processors: tests that wait leave them to others.
-JOBS ?= 3
+# Two more than two processors: tests that wait leave them to others.
+JOBS ?= 4
 
 # Small matrices: threads in the linear algebra only cost time and its tail.
 export OPENBLAS_NUM_THREADS := 1
@@ -21,7 +21,7 @@ unexport PYTHONDONTWRITEBYTECODE
 help:
 	@echo "make demo    install into .venv and run the moving-platform demo"
 	@echo "make test    install into .venv, check style, types and layers, run the tests"
-	@echo "             (three at a time; JOBS=1 one by one)"
+	@echo "             (four at a time; JOBS=1 one by one)"
 	@echo "make quick   the tests without closed loops, processes and browser: a minute"
 	@echo "make lint    style, types and layers only"
 	@echo "make format  let ruff rewrite the code"
