@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import asyncio
 import contextlib
 import html
 import io
@@ -182,6 +183,7 @@ class LivePage:
             self._server = viser.ViserServer(
                 host="127.0.0.1", port=port, label="Surefoot", verbose=False
             )
+        wake_on_loop(self._server)
         self._shape = RobotShape(robot)
         self._asker = Asker()
         self._undrawn_due_s = 0.0
@@ -340,6 +342,31 @@ class LivePage:
             forces = gui.add_checkbox("Forces", True)
         ghost.on_update(lambda event: self._scene.show_ghost(ghost.value))
         forces.on_update(lambda event: self._scene.show_forces(forces.value))
+
+
+def wake_on_loop(server: Any) -> None:
+    """Have viser wake the sender of its messages on its event loop alone.
+
+    viser 1.1.1 sets an :class:`asyncio.Event` on the thread that draws, and once more
+    on the loop. When the first one falls between the sender's look at the event and its
+    wait, the second finds the event set and wakes nobody: the page then stays as it is
+    for good, a robot in FAULT still "balancing".
+
+    Args:
+        server: a viser server.
+    """
+    try:
+        event = server._websock_server.get_message_buffer().message_event
+    except AttributeError:
+        return  # another version of viser, which sends in another way
+    wake = event.set
+
+    def set_on_loop() -> None:
+        with contextlib.suppress(RuntimeError):  # on another thread: the loop follows
+            asyncio.get_running_loop()
+            wake()
+
+    event.set = set_on_loop
 
 
 def free_port(port: int) -> int:
