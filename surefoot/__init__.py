@@ -47,6 +47,7 @@ _HOMES = {
     ),
     "schemas.settings": ("ControllerSettings",),
     "sim_robot.catalogue": ("ScenarioError", "list_scenarios", "load_scenario"),
+    "robot_io.robot_side.driver": ("drive",),
     "stabilizer.foreign": ("list_controllers",),
     "stabilizer.controller": ("Controller", "ControllerError", "ControllerOutput"),
     "errors": (
@@ -55,7 +56,7 @@ _HOMES = {
         *("UnknownSignalError",),
     ),
     "stabilizer.margins.margins": ("AxisMargin", "LoopMargins"),
-    "controllers": ("make_controller", "compute_margins", "drive"),
+    "controllers": ("make_controller", "compute_margins"),
     "signals": ("Signals", "read_signals"),
     "simulation": ("Simulation",),
     "runs": ("Run", "simulate", "run", "load_run"),
@@ -90,7 +91,6 @@ def __dir__() -> list[str]:
 if TYPE_CHECKING:
     from surefoot import bench as bench
     from surefoot.controllers import compute_margins as compute_margins
-    from surefoot.controllers import drive as drive
     from surefoot.controllers import make_controller as make_controller
     from surefoot.errors import ChildFailedError as ChildFailedError
     from surefoot.errors import EnvironmentFailedError as EnvironmentFailedError
@@ -110,6 +110,7 @@ if TYPE_CHECKING:
     from surefoot.robot_io.robot import Robot as Robot
     from surefoot.robot_io.robot import list_robots as list_robots
     from surefoot.robot_io.robot import load_robot as load_robot
+    from surefoot.robot_io.robot_side.driver import drive as drive
     from surefoot.robot_io.snapshot import Snapshot as Snapshot
     from surefoot.runs import Run as Run
     from surefoot.runs import load_run as load_run

@@ -1,4 +1,4 @@
-"""Controllers by name or as objects, the delay they bear, a vendor's robot's driver.
+"""Controllers by name or as objects, and the delay they bear.
 
 Notebooks call the public functions; the command line prints the two notices.
 """
@@ -15,10 +15,8 @@ from typing import TYPE_CHECKING, Any
 
 from surefoot.errors import UsageError
 from surefoot.robot_io.robot import Robot, load_robot
-from surefoot.robot_io.robot_side.driver import VendorAdapter, run_driver
 from surefoot.run_plan import RunPlan, Settings, resolve_robot, resolve_settings
 from surefoot.schemas.arrays import MS_PER_S
-from surefoot.schemas.endpoints import Endpoints, load_endpoints
 from surefoot.schemas.motions import Motion
 from surefoot.schemas.scenario import Push, SensorFault
 from surefoot.schemas.scenario_robot import Delay, Payload, Rod
@@ -171,34 +169,6 @@ def settings_for(controller: Any, settings: Settings) -> ControllerSettings:
 def _is_made(controller: Any) -> bool:
     """Whether it is an object that controls; otherwise it makes one."""
     return hasattr(controller, "step") and not isinstance(controller, type)
-
-
-def drive(
-    adapter: VendorAdapter,
-    robot: str | Path | Robot,
-    endpoints: str | Path | Endpoints | None = None,
-) -> str:
-    """Serve a robot until a signal asks it to end: sense, publish, guard, command.
-
-    Args:
-        adapter: the vendor's robot: ``read(tick, stamp_ns)`` and ``write(q_command)``.
-        robot: shipped name, path of a robot file, or a loaded robot.
-        endpoints: where to listen: an endpoint file, or None for loopback.
-
-    Returns:
-        Why it ended.
-
-    Raises:
-        EndpointError: cannot listen there.
-        RobotFileError: no such robot.
-        FileFormatError: the endpoint file is malformed.
-    """
-    model = robot if isinstance(robot, Robot) else load_robot(robot)
-    if endpoints is None:
-        endpoints = Endpoints()
-    elif not isinstance(endpoints, Endpoints):
-        endpoints = load_endpoints(Path(endpoints))
-    return run_driver(adapter, model, endpoints=endpoints)
 
 
 def compute_margins(

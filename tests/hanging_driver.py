@@ -7,15 +7,13 @@ from __future__ import annotations
 
 import sys
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 
 from surefoot.robot_io.robot import load_robot
-from surefoot.robot_io.robot_side.driver import run_driver
+from surefoot.robot_io.robot_side.driver import drive
 from surefoot.robot_io.snapshot import Snapshot
 from surefoot.schemas.arrays import Array
-from surefoot.schemas.endpoints import load_endpoints
 from surefoot.stabilizer.model import GRAVITY, RobotModel
 
 OFFSET = [3.0, -4.0, 30.0, 0.5, 1.0, -0.2]
@@ -46,5 +44,4 @@ class HangingRobot:
 
 if __name__ == "__main__":
     robot = load_robot(sys.argv[2])
-    endpoints = load_endpoints(Path(sys.argv[1]))
-    run_driver(HangingRobot(RobotModel(robot)), robot, endpoints=endpoints)
+    drive(HangingRobot(RobotModel(robot)), robot, sys.argv[1])

@@ -16,10 +16,9 @@ from acme_sdk import AcmeRobot
 
 from surefoot.errors import UsageError, complain
 from surefoot.robot_io.robot import Robot, load_robot
-from surefoot.robot_io.robot_side.driver import run_driver
+from surefoot.robot_io.robot_side.driver import drive
 from surefoot.robot_io.snapshot import Snapshot
 from surefoot.schemas.arrays import Array
-from surefoot.schemas.endpoints import load_endpoints
 
 STANDARD_GRAVITY_M_S2 = 9.80665
 # The vendor counts legs first, then arms, then the head; we: head, left, right.
@@ -80,7 +79,7 @@ def main() -> None:
         raise UsageError("usage: acme_driver.py ENDPOINTS.toml [ROBOT]")
     robot = load_robot(sys.argv[2] if len(sys.argv) > 2 else "walker")
     adapter = AcmeAdapter(robot)
-    run_driver(adapter, robot, endpoints=load_endpoints(Path(sys.argv[1])))
+    drive(adapter, robot, sys.argv[1])
 
 
 if __name__ == "__main__":

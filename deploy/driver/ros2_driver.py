@@ -24,7 +24,7 @@ from surefoot.errors import UsageError, complain
 from surefoot.robot_io.errors import RobotFileError, RobotUnreachableError
 from surefoot.robot_io.realtime import TimingLog
 from surefoot.robot_io.robot import Robot, load_robot
-from surefoot.robot_io.robot_side.driver import run_driver
+from surefoot.robot_io.robot_side.driver import drive
 from surefoot.robot_io.snapshot import Snapshot
 from surefoot.schemas.arrays import Array
 from surefoot.schemas.endpoints import load_endpoints
@@ -357,7 +357,7 @@ def main() -> None:
     robot = load_robot(sys.argv[3] if len(sys.argv) > 3 else "walker")
     endpoints = load_endpoints(Path(sys.argv[1]))
     with ros2_adapter(robot, load_settings(Path(sys.argv[2]), robot)) as adapter:
-        run_driver(adapter, robot, endpoints=endpoints)
+        drive(adapter, robot, endpoints=endpoints)
 
 
 if __name__ == "__main__":

@@ -9,6 +9,7 @@ import logging
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from pathlib import Path
 from typing import Protocol
 
 import numpy as np
@@ -21,12 +22,12 @@ from surefoot.robot_io.realtime import (
     TimingLog,
     quiet_interpreter,
 )
-from surefoot.robot_io.robot import Robot, load_tare
+from surefoot.robot_io.robot import Robot, load_robot, load_tare
 from surefoot.robot_io.robot_side.gate import CommandGate
 from surefoot.robot_io.robot_side.server import RobotServer
 from surefoot.robot_io.snapshot import Snapshot, SnapshotLayout
 from surefoot.schemas.arrays import Array
-from surefoot.schemas.endpoints import Endpoints
+from surefoot.schemas.endpoints import Endpoints, load_endpoints
 from surefoot.schemas.reasons import ModeCause
 
 _LOG = logging.getLogger(__name__)
@@ -71,11 +72,11 @@ class GateFactory(Protocol):
         ...
 
 
-def run_driver(
+def drive(
     adapter: VendorAdapter,
-    robot: Robot,
+    robot: str | Path | Robot,
+    endpoints: str | Path | Endpoints | None = None,
     *,
-    endpoints: Endpoints,
     stop: StopRequest | None = None,
     make_gate: GateFactory = CommandGate,
     ready: Callable[[], None] = lambda: None,
@@ -89,8 +90,9 @@ def run_driver(
 
     Args:
         adapter: the vendor's robot; one with ``wait`` sets the pace itself.
-        robot: the robot of the files; sets the control rate.
-        endpoints: where to listen.
+        robot: shipped name, path of a robot file, or a loaded robot; sets the control
+            rate.
+        endpoints: where to listen: an endpoint file, or None for loopback.
         stop: ends the loop, besides signals.
         make_gate: makes the command gate.
         ready: called once the bus is open.
@@ -100,10 +102,17 @@ def run_driver(
 
     Raises:
         EndpointError: Zenoh cannot listen there.
-        FileFormatError: the file with the offsets is malformed.
-        RobotFileError: the adapter's first reading is no reading of this robot's
-            sensors, or no posture of it; nothing has been written to the adapter.
+        FileFormatError: the endpoint file or that with the offsets is malformed.
+        RobotFileError: no such robot; or the adapter's first reading is no reading of
+            this robot's sensors, or no posture of it, and nothing has been written to
+            the adapter.
     """
+    if not isinstance(robot, Robot):
+        robot = load_robot(robot)
+    if endpoints is None:
+        endpoints = Endpoints()
+    elif not isinstance(endpoints, Endpoints):
+        endpoints = load_endpoints(Path(endpoints))
     tare = load_tare(robot.path)
     stop = stop or StopRequest()
     first = adapter.read(0, time.monotonic_ns())

@@ -19,7 +19,7 @@ import pytest
 
 from surefoot.robot_io.errors import RobotFileError
 from surefoot.robot_io.realtime import StopRequest
-from surefoot.robot_io.robot_side.driver import run_driver
+from surefoot.robot_io.robot_side.driver import drive
 from surefoot.robot_io.snapshot import Snapshot
 from surefoot.schemas.endpoints import Endpoints
 from surefoot.schemas.messages import RobotMode
@@ -72,7 +72,7 @@ def test_what_is_no_posture_at_first_is_refused_and_nothing_moves(
     hardware, stop = Hardware(q), StopRequest()
     stop.set()
     with pytest.raises(RobotFileError, match=told):
-        run_driver(hardware, WALKER, endpoints=endpoints, stop=stop)
+        drive(hardware, WALKER, endpoints=endpoints, stop=stop)
     assert hardware.written == []
 
 
@@ -96,7 +96,7 @@ def test_a_first_reading_of_another_shape_is_refused(
     hardware, stop = Misread(WALKER.nominal), StopRequest()
     stop.set()
     with pytest.raises(RobotFileError, match=re.escape(told)):
-        run_driver(hardware, WALKER, endpoints=endpoints, stop=stop)
+        drive(hardware, WALKER, endpoints=endpoints, stop=stop)
     assert hardware.written == []
 
 
@@ -105,7 +105,7 @@ def driven(hardware: Hardware, endpoints: Endpoints) -> Iterator[None]:
     """A driver's loop in a thread."""
     up, stop = threading.Event(), StopRequest()
     thread = threading.Thread(
-        target=run_driver,
+        target=drive,
         args=(hardware, WALKER),
         kwargs={"endpoints": endpoints, "ready": up.set, "stop": stop},
     )
@@ -154,7 +154,7 @@ def test_a_driver_with_its_own_pace_need_not_tell_what_is_missing(
                 stop.set()
 
     hardware, stop = Paced(WALKER.nominal), StopRequest()
-    run_driver(hardware, WALKER, endpoints=endpoints, stop=stop)
+    drive(hardware, "walker", endpoints, stop=stop)
     assert (hardware.waits, len(hardware.written)) == (3, 3)
 
 
@@ -164,15 +164,13 @@ def test_hardware_that_fails_is_held_and_its_commander_told_why(
     hardware, ended = Hardware(WALKER.nominal), Future[str]()
     up = threading.Event()
 
-    def drive() -> None:
+    def serve() -> None:
         try:
-            ended.set_result(
-                run_driver(hardware, WALKER, endpoints=endpoints, ready=up.set)
-            )
+            ended.set_result(drive(hardware, WALKER, endpoints=endpoints, ready=up.set))
         except Exception as error:
             ended.set_exception(error)
 
-    thread = threading.Thread(target=drive)
+    thread = threading.Thread(target=serve)
     thread.start()
     assert up.wait(PATIENCE_S)
     with new_client(endpoints, "ann") as client:

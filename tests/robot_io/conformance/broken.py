@@ -12,7 +12,7 @@ import numpy as np
 
 from deploy.driver.acme_driver import AcmeAdapter
 from surefoot.robot_io.realtime import StopRequest
-from surefoot.robot_io.robot_side.driver import run_driver
+from surefoot.robot_io.robot_side.driver import drive
 from surefoot.robot_io.robot_side.gate import CommandGate
 from surefoot.robot_io.robot_side.mode_machine import Answer, CommandResult
 from surefoot.robot_io.snapshot import Snapshot
@@ -165,6 +165,6 @@ def broken_robot(
         def write(self, q_command: np.ndarray) -> None:
             inner.write(q_command)
 
-    return run_driver(
+    return drive(
         Adapter(), robot, endpoints=endpoints, make_gate=gate, stop=StopRequest()
     )
