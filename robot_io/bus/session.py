@@ -33,10 +33,6 @@ from surefoot.robot_io.security.locators import (
     check_locators,
     check_socket_files,
 )
-from surefoot.robot_io.security.own_certificates import (
-    check_own_certificates,
-    peer_fault,
-)
 from surefoot.schemas.arrays import MS_PER_S, JsonObject
 from surefoot.schemas.codec import MAX_MESSAGE_BYTES
 from surefoot.schemas.endpoints import Endpoints
@@ -353,7 +349,10 @@ def check_endpoints(endpoints: Endpoints, role: Role) -> None:
     if is_listening:
         check_exposure(endpoints)
         check_socket_files(locators)
-    check_own_certificates(endpoints, is_listening=is_listening)
+    if endpoints.tls is not None:  # the library for certificates is slow to load
+        from surefoot.robot_io.security.own_certificates import check_own_certificates
+
+        check_own_certificates(endpoints, is_listening=is_listening)
 
 
 def _open_error(
@@ -390,9 +389,11 @@ def unreachable(
     """
     where = dialed(endpoints)
     told = f"{what} at {', '.join(where)} within {timeout_s:g} s"
-    fault = peer_fault(endpoints, where) if looks else ""
-    if fault:
-        return f"{told}: {fault}"
+    if looks:
+        from surefoot.robot_io.security.own_certificates import peer_fault
+
+        if fault := peer_fault(endpoints, where):
+            return f"{told}: {fault}"
     if endpoints.router:
         hint = "are router and robot running (surefoot router, surefoot robot)"
     else:

@@ -48,6 +48,7 @@ def run(surefoot: Surefoot, scenario: object, *extra: object) -> dict[str, Any]:
     return result
 
 
+@pytest.mark.usual("whole-body-3.0")
 @pytest.mark.parametrize(("law", "command_ms"), [("whole-body", 3.0), ("zmp", 1.0)])
 def test_two_processes_and_one_are_the_same_run_bit_for_bit(
     surefoot: Surefoot, tmp_path: Path, law: str, command_ms: float

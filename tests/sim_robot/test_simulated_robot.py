@@ -231,6 +231,7 @@ def test_standing_still_reports_figures_in_file_units(make: Make) -> None:
     assert report.contact_lost_s == [0.0, 0.0]
 
 
+@pytest.mark.usual(*(f"{name}-200.0" for name in list_scenarios()))
 @pytest.mark.parametrize("rate_hz", [200.0, 500.0])
 @pytest.mark.parametrize("name", list_scenarios())
 def test_shipped_scenarios_fit_robots_of_other_rates(

@@ -97,6 +97,7 @@ def pulled(walker: Robot, direction_deg: float, profile: str) -> RunResult:
     return simulate(walker, scenario, servo_profile=profile, record=False).result
 
 
+@pytest.mark.usual("180.0-harmonic")
 @pytest.mark.parametrize(
     ("direction_deg", "profile"), [(0.0, "ideal"), (180.0, "harmonic")]
 )

@@ -62,6 +62,7 @@ def run(scenario: str, *, duration_s: float, **more: Any) -> RunResult:
     return busy.result()
 
 
+@pytest.mark.usual("whole-body-10")
 @pytest.mark.parametrize(("controller", "most_mm"), [("whole-body", 10), ("zmp", 28)])
 def test_the_ground_is_followed_all_the_time(controller: str, most_mm: float) -> None:
     result = run("moving-platform-fast", duration_s=4.0, controller=controller)

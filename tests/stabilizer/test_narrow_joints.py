@@ -44,6 +44,7 @@ def limited(walker: Robot, names: tuple[str, ...], half_rad: float) -> Robot:
 
 
 @pytest.mark.closed_loop
+@pytest.mark.usual("whole-body-0.0-names0", "zmp-0.005-names2")
 @pytest.mark.parametrize(
     ("controller", "half_rad", "names"),
     [

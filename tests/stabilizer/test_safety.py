@@ -127,6 +127,7 @@ def test_a_gyroscope_that_goes_off_is_named_and_still_used(walker: Robot) -> Non
 
 # Every sensor and kind without a robot: test_health.py.
 @pytest.mark.closed_loop
+@pytest.mark.usual("joints-freeze-frozen", "left_ankle_ft-nan-missing")
 @pytest.mark.parametrize(
     ("sensor", "kind", "trouble"),
     [

@@ -248,6 +248,7 @@ def test_one_that_answers_no_numbers_is_given_up_the_same_way_on_the_bus(
     assert told[0] == told[1]
 
 
+@pytest.mark.usual("Raises")
 @pytest.mark.parametrize(
     ("kind", "told"),
     [
@@ -258,6 +259,7 @@ def test_one_that_answers_no_numbers_is_given_up_the_same_way_on_the_bus(
         ),
         ("TooShort", r"step returned shape \(27,\), expected \(28,\)"),
     ],
+    ids=["Raises", "RaisesAtStart", "TooShort"],
 )
 def test_one_that_raises_is_given_up_the_same_way_on_the_bus(
     tmp_path: Path, surefoot_here: Surefoot, kind: str, told: str

@@ -184,6 +184,7 @@ def test_a_foot_that_lands_early_does_not_hop_on_old_forces() -> None:
     assert max(run.result.dcm_error_max_mm or [np.inf]) < 70.0
 
 
+@pytest.mark.usual("3.45--1.0")
 @pytest.mark.parametrize(("at_s", "direction"), [(3.45, -1.0), (2.55, 1.0)])
 def test_pushed_over_the_standing_foot_it_crosses_its_feet(
     walker: Robot, at_s: float, direction: float

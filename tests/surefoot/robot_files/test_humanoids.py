@@ -43,7 +43,7 @@ def test_its_posture_is_one_to_stand_in(name: str, tmp_path: Path) -> None:
 
 @pytest.mark.closed_loop
 @pytest.mark.process
-@pytest.mark.usual("jvrc-legs", "icub")  # the smallest, and the most awkward frames
+@pytest.mark.usual("icub")  # the most awkward frames
 @pytest.mark.parametrize("name", HUMANOIDS)
 def test_it_stands_and_its_run_is_the_same_over_the_bus(
     name: str, tmp_path: Path
