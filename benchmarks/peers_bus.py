@@ -85,7 +85,7 @@ def _our_trips(robot: Robot, ticks: int) -> float:
                 _round_trips(WARM_UP_TICKS, trip)
                 median = _round_trips(ticks, trip)
             gate.modes.finish(ModeCause.RUN_OVER, "measured")
-            server.publish_status(now_s=0.0, at_once=True)
+            server.see_off("", now_s=0.0)
             return median
     finally:
         peer.join(START_TIMEOUT_S)

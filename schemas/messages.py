@@ -3,8 +3,7 @@
 Every message is a MessagePack map with string keys; all fields are required on the
 wire, unknown ones are refused. Units are SI and radians. ``F`` is always the wrench
 [force; moment] of the ground on the robot at the sole, in the sole frame. The
-force-torque messages carry the sensor's reading in the sensor frame, with the same sign
-(ground on robot).
+force-torque messages carry the sensor's reading in the sensor frame, same sign.
 """
 
 from __future__ import annotations
@@ -110,6 +109,12 @@ class RobotStatus(Message, frozen=True, kw_only=True):
     deadline_misses: Count
     """Ticks that went on without their command."""
 
+    @property
+    def is_farewell(self) -> bool:
+        """Whether the robot ends: nobody commands it, and nobody asked for OFF."""
+        off = self.mode is RobotMode.OFF and self.cause is not ModeCause.REQUESTED
+        return not self.commander and (off or self.mode is RobotMode.FAULT)
+
 
 class JointCommand(Message, frozen=True, kw_only=True):
     """Joint positions to follow; ``tick`` is the tick it answers."""
@@ -211,8 +216,7 @@ class GroundBlock(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """A block of ground whose top the robot may stand on."""
 
     position: Floats3
-    """Middle of the block's top, from the world or from its platform's top centre
-    [m]."""
+    """Middle of its top, from the world or from the platform's top centre [m]."""
     quat_xyzw: Floats4
     """Orientation of the block, from the world or from its platform."""
     size: Floats3
@@ -304,8 +308,7 @@ class ServiceReply(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     q_command: Floats
     """Posture the servos follow, from which a new commander starts [rad]."""
     instance: str
-    """Instance id of the robot's process, as in its liveliness token; new at every
-    start."""
+    """Instance of the robot's process, as in its liveliness token; one per start."""
     description: str
     """Digest of the robot's description, as in its liveliness token."""
     pace: str

@@ -249,8 +249,7 @@ def run_robot(
                 cut_off = ModeCause.STOPPED, stop.cause
         report, commander = gate.report(), gate.modes.lease.holder
         gate.modes.finish(*(cut_off or simulated.own_end))
-        server.publish_status(now_s=simulated.time_s, at_once=True)
-        server.see_off(commander)
+        server.see_off(commander, now_s=simulated.time_s)
         result = simulated.result(
             real_time_factor=simulated.time_s / elapsed_s if elapsed_s else 0.0,
             round_trip_ms=loop.round_trip.distribution(),

@@ -147,6 +147,16 @@ class Bus:
             express=flush,
         )
 
+    def deliver(self, key: str, data: bytes) -> None:
+        """Send a message that waits for room, where those of publishers are dropped.
+
+        Args:
+            key: relative to the namespace.
+            data: the message.
+        """
+        block = zenoh.CongestionControl.BLOCK
+        self.session.put(key, data, congestion_control=block)
+
     def channel(self, key: str, *, depth: int) -> Channel:
         """Subscribe to a key; see :class:`Channel`."""
         return Channel(self.session, key, waker=self.waker, depth=depth)

@@ -31,11 +31,9 @@ from surefoot.schemas.endpoints import Endpoints
 from surefoot.schemas.messages import (
     SCHEMA_VERSION,
     LeaseRequest,
-    RobotMode,
     RobotStatus,
     ServiceReply,
 )
-from surefoot.schemas.reasons import ModeCause
 from surefoot.schemas.topics import ALIVE_OBSERVER, ALIVE_ROBOT, ALIVE_STABILIZER
 
 _LOG = logging.getLogger(__name__)
@@ -386,14 +384,7 @@ class ReadOnlyClient(ABC):
     def _said_farewell(self) -> bool:
         status = None if self._farewell is None else self._farewell.poll()
         if status is not None:
-            # A robot that ends has no commander; one in fault stays in fault.
-            self._is_over = not status.commander and (
-                status.mode is RobotMode.FAULT
-                or (
-                    status.mode is RobotMode.OFF
-                    and status.cause is not ModeCause.REQUESTED
-                )
-            )
+            self._is_over = status.is_farewell
         return self._is_over
 
     def _on_stabilizer(self, key: str, is_there: bool) -> None:

@@ -175,8 +175,7 @@ def _telling_the_end(
     finally:
         commander = gate.modes.lease.holder
         gate.modes.finish(ModeCause.STOPPED, stop.cause)
-        server.publish_status(now_s=time.monotonic() - begin_s, at_once=True)
-        server.see_off(commander)
+        server.see_off(commander, now_s=time.monotonic() - begin_s)
 
 
 def _check_fields(robot: Robot, first: Snapshot) -> None:

@@ -6,6 +6,7 @@ import time
 from functools import partial
 from typing import Any
 
+import msgspec
 import zenoh
 
 from surefoot.robot_io.realtime import Pace, StopRequest
@@ -21,7 +22,7 @@ from surefoot.schemas.messages import (
     ServiceReply,
     StabilizerReply,
 )
-from surefoot.schemas.reasons import RequestRefusal
+from surefoot.schemas.reasons import ModeCause, RequestRefusal
 from surefoot.schemas.topics import (
     ALIVE_STABILIZER,
     ALL_CHANNELS,
@@ -50,9 +51,22 @@ class ReplayServer(RobotsSide):
     ) -> None:
         """Prepare; entering the context opens the bus."""
         super().__init__(robot, endpoints=endpoints, stop=stop)
-        self._status: RobotStatus | None = None
+        self._status = _nothing_said(robot)
         self._commander = ""
         self._stabilizer: zenoh.LivelinessToken | None = None
+
+    def __exit__(self, *why: object) -> None:
+        """Say farewell where the record does not, and close the bus."""
+        if not self._status.is_farewell:
+            status = msgspec.structs.replace(
+                self._status,
+                mode=RobotMode.OFF,
+                cause=ModeCause.STOPPED,
+                detail="the replay is over",
+                commander="",
+            )
+            self._say_farewell(encode(status))
+        super().__exit__(*why)
 
     def wait_for_audience(self) -> bool:
         """Wait until somebody has subscribed and no more subscriptions come.
@@ -80,6 +94,9 @@ class ReplayServer(RobotsSide):
         """Publish a recorded message."""
         if channel == "status":
             self._note_status(data)
+            if self._status.is_farewell:
+                self._say_farewell(data)
+                return
         self._publishers[channel].put(data)
 
     def _declare(self) -> None:
@@ -103,19 +120,17 @@ class ReplayServer(RobotsSide):
         }
         reply: ServiceReply | StabilizerReply
         if direction is Direction.SERVICE:
-            held = self._robot.nominal.tolist()
             reply = ServiceReply(
                 **told,
-                mode=RobotMode.HOLD if status is None else status.mode,
-                commander="" if status is None else status.commander,
-                q_command=held if status is None else status.q_command,
+                mode=status.mode,
+                commander=status.commander,
+                q_command=status.q_command,
                 instance=self.identity.instance,
                 description=self.identity.description,
                 pace=Pace.REALTIME,
             )
         else:
-            tick = 0 if status is None else status.tick
-            reply = StabilizerReply(**told, tick=tick, settings={})
+            reply = StabilizerReply(**told, tick=status.tick, settings={})
         with query:
             query.reply(query.key_expr, encode(reply))
 
@@ -136,3 +151,22 @@ class ReplayServer(RobotsSide):
             self._stabilizer = self._bus.session.liveliness().declare_token(
                 f"{ALIVE_STABILIZER}/{status.commander}"
             )
+
+
+def _nothing_said(robot: Robot) -> RobotStatus:
+    """Return the status of a robot of which no status has been played yet."""
+    return RobotStatus(
+        schema=SCHEMA_VERSION,
+        tick=0,
+        stamp_ns=0,
+        mode=RobotMode.HOLD,
+        cause=ModeCause.STARTED,
+        detail="",
+        notice="",
+        commander="",
+        command_age_s=-1.0,
+        q_command=robot.nominal.tolist(),
+        refused={},
+        clipped={},
+        deadline_misses=0,
+    )

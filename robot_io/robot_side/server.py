@@ -205,14 +205,16 @@ class RobotServer(RobotsSide):
             self._services.wait(IDLE_POLL_S)
         return False
 
-    def see_off(self, commander: str) -> None:
-        """Wait until a commander that was told of the end has left the bus.
+    def see_off(self, commander: str, *, now_s: float) -> None:
+        """Publish the last status, and wait until the commander has left the bus.
 
         Its last messages have then been forwarded to observers.
 
         Args:
             commander: name of the commander; empty for nobody.
+            now_s: the robot's time [s].
         """
+        self._say_farewell(self._status_now(now_s))
         end_s = time.monotonic() + SEE_OFF_S
         while self._services.is_present(commander) and time.monotonic() < end_s:
             self._services.wait(IDLE_POLL_S)
@@ -281,27 +283,29 @@ class RobotServer(RobotsSide):
         """
         return self._commands.newest(self._tick, now_s=now_s)
 
-    def publish_status(self, *, now_s: float, at_once: bool = False) -> None:
+    def publish_status(self, *, now_s: float) -> None:
         """Publish the gate's status on a change, and 50 times a second.
 
         Args:
             now_s: the robot's time [s].
-            at_once: publish in any case.
         """
         modes = self._gate.modes
         tell = (modes.mode, modes.cause, modes.lease.holder)
         clock_s = time.monotonic()
-        if tell == self._told and clock_s < self._status_due_s and not at_once:
+        if tell == self._told and clock_s < self._status_due_s:
             return
         self._told = tell
         self._status_due_s = clock_s + STATUS_PERIOD_S
+        self._status.put(self._status_now(now_s))
+
+    def _status_now(self, now_s: float) -> bytes:
         status = self._gate.status(
             tick=self._tick,
             stamp_ns=time.monotonic_ns(),
             now_s=now_s,
             deadline_misses=self.deadline_misses,
         )
-        self._status.put(encode(status))
+        return encode(status)
 
     def publish_truth(self, truth: Truth) -> None:
         """Send the simulator's true state, unless it is too large for the bus."""

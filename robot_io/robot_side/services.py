@@ -108,6 +108,10 @@ class RobotsSide(ABC):
         """Close the bus."""
         self._stack.close()
 
+    def _say_farewell(self, status: bytes) -> None:
+        """Publish the last status; who misses it waits for the robot to come back."""
+        self._bus.deliver(self._robot.keys["status"], status)
+
     @abstractmethod
     def _declare(self) -> None:
         """Declare everything but the liveliness token."""

@@ -88,7 +88,7 @@ def test_the_answer_to_a_tick_ends_the_wait_for_it(
             assert answer.answers == tick
             assert answer.accepted
         gate.modes.finish(ModeCause.RUN_OVER, "over")
-        server.publish_status(now_s=0.1, at_once=True)
+        server.see_off("", now_s=0.1)
     assert client.answered == 100
 
 

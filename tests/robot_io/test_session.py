@@ -12,11 +12,12 @@ import zenoh
 from zenoh.handlers import RingChannel
 
 from surefoot.robot_io.bus import session
+from surefoot.robot_io.bus.bus import Bus
 from surefoot.robot_io.bus.session import RUNTIME_VARIABLE, Role, open_session
 from surefoot.robot_io.errors import EndpointError, RobotUnreachableError
 from surefoot.schemas.endpoints import Endpoints
 from tests.robot_io.meeting_places import meeting_place
-from tests.support import free_port, wait_until
+from tests.support import PATIENCE_S, free_port, wait_until
 
 DIALING_S = 0.5
 
@@ -34,6 +35,25 @@ def test_namespaces_do_not_hear_each_other(endpoints: Endpoints) -> None:
         publisher.put(b"hello")
         assert subscriber.handler.recv().payload.to_bytes() == b"hello"
         assert strange.handler.try_recv() is None
+
+
+def test_what_is_delivered_arrives_on_a_link_that_is_full(endpoints: Endpoints) -> None:
+    words = [b"%d" % number for number in range(10)]
+    with (
+        Bus(endpoints, Role.ROBOT, namespace="walker") as robot,
+        Bus(endpoints, Role.CLIENT, namespace="walker", timeout_s=PATIENCE_S) as client,
+    ):
+        heard = client.channel("words", depth=len(words))
+        drowned = client.channel("flood", depth=1)
+        flood = robot.publisher("flood", urgent=False)
+        wait_until(lambda: flood.matching_status.matching, what="the client")
+        for word in words:
+            for _ in range(300):
+                flood.put(bytes(60_000))
+            robot.deliver("words", word)
+        deadline = time.monotonic() + PATIENCE_S
+        assert [heard.wait(deadline) for _ in words] == words
+        assert drowned.poll()
 
 
 def test_port_in_use_names_the_endpoint() -> None:

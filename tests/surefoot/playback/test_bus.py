@@ -121,6 +121,23 @@ def test_a_record_of_a_replay_computes_the_same(
     assert (code, found["compared"]) == (0, len(expected))
 
 
+def test_a_recorder_knows_that_a_part_is_over(
+    record: Path, endpoint_file: Path, tmp_path: Path, surefoot_here: Surefoot
+) -> None:
+    """Though the robot's own end is not in that part."""
+    part = tmp_path / "part.mcap"
+    with playing(record, endpoint_file, "--until", 0.04) as process:
+        done = surefoot_here(
+            *("record", "--out", part, "--endpoints", endpoint_file),
+            *("--json", "--wait", PATIENCE_S),
+        )
+        assert process.wait(PATIENCE_S) == 0
+    assert done.returncode == 0, done.stderr
+    last = by_channel(part)["status"][-1]
+    assert (last["mode"], last["commander"]) == ("off", "")
+    assert last["detail"] == "the replay is over"
+
+
 def test_it_cannot_be_commanded_and_looks_like_the_robot(
     record: Path, endpoints: Endpoints, endpoint_file: Path
 ) -> None:
