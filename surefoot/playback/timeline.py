@@ -18,7 +18,13 @@ from mcap.records import Message as RecordedMessage
 
 from surefoot.errors import UsageError
 from surefoot.recording.contents import ROBOT_JSON, ROBOT_TOML, ROBOT_URDF
-from surefoot.recording.read import Record, decode_json, read_record, with_nan
+from surefoot.recording.read import (
+    Record,
+    Rounds,
+    decode_json,
+    read_record,
+    with_nan,
+)
 from surefoot.robot_io.bus.channel import NEVER
 from surefoot.robot_io.realtime import StopRequest
 from surefoot.robot_io.robot import Robot, load_robot, make_robot
@@ -132,8 +138,7 @@ class _Collector:
 
     def __init__(self) -> None:
         self.entries: list[Entry] = []
-        self._rounds = dict.fromkeys(ALL_CHANNELS, 0)
-        self._ticks = dict.fromkeys(ALL_CHANNELS, 0)
+        self._rounds = Rounds()
         self._place = 0
 
     def take(self, channel: str, message: RecordedMessage) -> None:
@@ -142,13 +147,10 @@ class _Collector:
             return  # a channel of another program
         tick = message.sequence
         if channel in PLANNERS:  # belongs to the tick at which it came
-            tick = max(self._ticks[name] for name in TICK_SENSORS)
-        if tick < self._ticks[channel]:
-            self._rounds[channel] += 1
-        self._ticks[channel] = tick
+            tick = self._rounds.now or 0
         self.entries.append(
             Entry(
-                self._rounds[channel],
+                self._rounds.of(channel, tick),
                 tick,
                 message.publish_time,  # the sender's stamp, also in simulated time
                 _RANKS[channel],

@@ -111,6 +111,60 @@ def test_in_simulated_time_a_run_spans_what_it_simulated() -> None:
     assert times.of("joints", Head(10, 0)) == again[9] + 10**6
 
 
+def test_a_recorder_that_joins_late_tells_simulated_time() -> None:
+    times = LogTimes(10**6)
+    late = 3 * LARGEST_GAP
+    span = [times.of("joints", Head(late + tick, 0)) for tick in range(3)]
+    assert span == [(late + tick) * 10**6 for tick in range(3)]
+    # Two messages in a row beyond a gap are the robot's again, one is not.
+    assert times.of("joints", Head(9 * late, 0)) == times.latest == span[-1]
+    assert times.of("joints", Head(9 * late + 1, 0)) == (9 * late + 1) * 10**6
+
+
+def test_who_first_speaks_to_a_robot_that_began_anew_belongs_to_that_run() -> None:
+    times = LogTimes(10**6)
+    for tick in range(2000):
+        times.of("joints", Head(tick, 0))
+    for tick in range(5001):
+        now = times.of("joints", Head(tick, 0))
+    assert times.of("joint_command", Head(5000, 0)) == now == 7000 * 10**6
+
+
+def test_only_its_sensors_tell_that_a_robot_began_anew(tmp_path: Path) -> None:
+    file = McapFile(
+        tmp_path / "a.mcap",
+        channels=ALL_CHANNELS,
+        keys=WALKER.keys,
+        attachments=[],
+        raw=False,
+    )
+
+    def heard(name: str, *ticks: int) -> None:
+        for tick in ticks:
+            message = {"tick": tick, "stamp_ns": 0, "commander": "ann", "sequence": 0}
+            file.add([Sample(name, msgpack.packb(message), 0)])
+
+    with file:
+        heard("joints", 0, 1, 2)
+        heard("imu", 0, 1)
+        heard("joints", 0, 1)
+        heard("imu", 2, 0, 1)  # the last one came behind
+        heard("status", 2, 0)
+        heard("joints", *range(2, 9))
+        heard("joint_command", 8, 4)  # the late one of a stabilizer that froze
+        heard("joints", 9)
+        heard("joint_command", 9)
+    rounds: dict[str, list[tuple[int, int]]] = {}
+    for entry in read_timeline(file.path).entries:
+        rounds.setdefault(entry.channel, []).append((entry.round, entry.tick))
+    assert rounds == {
+        "joints": [(0, 0), (0, 1), (0, 2), *((1, tick) for tick in range(10))],
+        "imu": [(0, 0), (0, 1), (0, 2), (1, 0), (1, 1)],
+        "status": [(0, 2), (1, 0)],
+        "joint_command": [(1, 4), (1, 8), (1, 9)],
+    }
+
+
 def test_a_foreign_tick_is_not_a_million_missing_messages(tmp_path: Path) -> None:
     file = McapFile(
         tmp_path / "a.mcap",
