@@ -323,8 +323,11 @@ class SignalsInfo(msgspec.Struct, kw_only=True):
 
 
 def signals_info(signals: Signals) -> SignalsInfo:
-    """Return the signals of a run in figures."""
+    """Return the signals of a run in figures; all are read, since damage shows then."""
     count = signals.count
+    for name in signals:
+        for start in range(0, count, BLOCK_TICKS):
+            signals.read(name, start, start + BLOCK_TICKS)
     return SignalsInfo(
         is_cut_off=signals.is_cut_off,
         ticks=count,

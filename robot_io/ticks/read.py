@@ -246,8 +246,11 @@ class TickFileTable(TickTable):
         raise ValueError("no message in a chunk")
 
     def _tell(self, what: str) -> None:
-        self.gaps.append(f"{self.path.name}: {what}")
-        _LOG.warning("%s: %s", self.path, what)
+        """Tell of damage, once however often it is met."""
+        gap = f"{self.path.name}: {what}"
+        if gap not in self.gaps:
+            self.gaps.append(gap)
+            _LOG.warning("%s: %s", self.path, what)
 
 
 def _numbers(message: Message, layout: SignalLayout) -> SignalArray:
