@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import math
 import tempfile
 import time
 from collections.abc import Callable, Iterable, Iterator
@@ -307,13 +308,23 @@ class RecordedSensors:
 def between(
     timeline: Timeline, *, period_s: float, from_s: float, until_s: float | None
 ) -> list[Entry]:
-    """Return the messages of a span; both ends count from the first tick on [s]."""
-    first = timeline.first_tick + round(from_s / period_s)
-    end = None if until_s is None else timeline.first_tick + round(until_s / period_s)
+    """Return the messages of a span; both ends count from the first tick on [s].
+
+    The time of a robot that began anew goes on behind its former one.
+    """
+    offsets: dict[int, int] = {}
+    passed = 0
+    for lap, said in groupby(timeline.entries, key=attrgetter("round")):
+        ticks = [entry.tick for entry in said if entry.channel in TICK_SENSORS]
+        if ticks:
+            offsets[lap] = passed - ticks[0]
+            passed += ticks[-1] + 1 - ticks[0]
+    begin = round(from_s / period_s)
+    end = math.inf if until_s is None else round(until_s / period_s)
     return [
         entry
         for entry in timeline.entries
-        if entry.tick >= first and (end is None or entry.tick < end)
+        if begin <= entry.tick + offsets.get(entry.round, 0) < end
     ]
 
 

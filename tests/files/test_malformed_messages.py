@@ -15,7 +15,7 @@ from mcap.reader import make_reader
 
 from surefoot.cli.bus_messages import Echo, TimingMeter
 from surefoot.cli.bus_topics import list_topics
-from surefoot.playback.timeline import read_timeline
+from surefoot.playback.timeline import between, read_timeline
 from surefoot.recording.read import LARGEST_GAP, read_record, record_info
 from surefoot.recording.write import LogTimes, McapFile
 from surefoot.robot_io.client_side.client import RobotClient
@@ -145,24 +145,34 @@ def test_only_its_sensors_tell_that_a_robot_began_anew(tmp_path: Path) -> None:
             file.add([Sample(name, msgpack.packb(message), 0)])
 
     with file:
-        heard("joints", 0, 1, 2)
-        heard("imu", 0, 1)
+        heard("joints", 20, 21, 22)
+        heard("imu", 20, 21)
         heard("joints", 0, 1)
-        heard("imu", 2, 0, 1)  # the last one came behind
-        heard("status", 2, 0)
+        heard("imu", 22, 0, 1)  # the last one came behind
+        heard("status", 22, 0)
         heard("joints", *range(2, 9))
         heard("joint_command", 8, 4)  # the late one of a stabilizer that froze
         heard("joints", 9)
         heard("joint_command", 9)
     rounds: dict[str, list[tuple[int, int]]] = {}
-    for entry in read_timeline(file.path).entries:
+    timeline = read_timeline(file.path)
+    for entry in timeline.entries:
         rounds.setdefault(entry.channel, []).append((entry.round, entry.tick))
     assert rounds == {
-        "joints": [(0, 0), (0, 1), (0, 2), *((1, tick) for tick in range(10))],
-        "imu": [(0, 0), (0, 1), (0, 2), (1, 0), (1, 1)],
-        "status": [(0, 2), (1, 0)],
+        "joints": [(0, 20), (0, 21), (0, 22), *((1, tick) for tick in range(10))],
+        "imu": [(0, 20), (0, 21), (0, 22), (1, 0), (1, 1)],
+        "status": [(0, 22), (1, 0)],
         "joint_command": [(1, 4), (1, 8), (1, 9)],
     }
+    # A replay counts the time of both, one behind the other.
+    for span, ends in (
+        ((0, None), ((0, 20), (1, 9))),
+        ((2, 5), ((0, 22), (1, 1))),
+        ((5, None), ((1, 2), (1, 9))),
+    ):
+        played = between(timeline, period_s=1.0, from_s=span[0], until_s=span[1])
+        first, last = played[0], played[-1]
+        assert ((first.round, first.tick), (last.round, last.tick)) == ends
 
 
 def test_a_foreign_tick_is_not_a_million_missing_messages(tmp_path: Path) -> None:
