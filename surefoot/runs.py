@@ -101,7 +101,7 @@ class Run:
         signals = self.signals
         reads = [*self.plan.files]
         if self.folder is not None:
-            reads += self.folder.iterdir()
+            reads += self.folder.glob("*")
         with run_folder(Path(folder), reads=reads, overwrite=overwrite) as place:
             write_inputs(place.path, self.plan)
             with file_sinks(place.path) as sinks:

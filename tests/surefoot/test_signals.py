@@ -108,6 +108,18 @@ def test_a_copy_of_a_kept_run_has_its_other_files(
         assert (copy / name).read_bytes() == (kept / name).read_bytes(), name
 
 
+def test_of_a_tick_that_came_again_the_last_row_counts(tmp_path: Path) -> None:
+    """As for the stabilizer of a robot that began anew."""
+    kept = MemoryTicks()
+    layouts = [lay_out(n, joints=["a"]) for n in ("tick", "time_s", "q")]
+    recorder = TickRecorder(layouts, kept)
+    for row, tick in enumerate((*range(10), *range(4))):
+        recorder.add(tick, [np.array([float(tick)]), np.array([float(row)])])
+    signals = sf.Signals([kept])
+    assert signals.time_s.tolist() == signals.ticks.tolist() == [*range(10)]
+    assert signals["q"].ravel().tolist() == [10, 11, 12, 13, *range(4, 10)]
+
+
 def test_a_copy_tells_what_its_original_lost(tmp_path: Path) -> None:
     kept = MemoryTicks()
     recorder = TickRecorder([lay_out(n, joints=[]) for n in ("tick", "time_s")], kept)
