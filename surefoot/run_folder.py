@@ -146,6 +146,14 @@ def write_result(folder: OutFolder, result: RunResult) -> RunResult:
     return result
 
 
+def copy_rest(former: Path, folder: Path) -> None:
+    """Copy the files of a run that a copy of it lacks, and its ``run.json``."""
+    for name in RUN_FILES:
+        for file in former.glob(name):
+            if name == MARKER or not (folder / file.name).exists():
+                shutil.copyfile(file, folder / file.name)
+
+
 def settle_run(place: Path) -> None:
     """Bring back a run's files that a killed command set aside, before a reading.
 

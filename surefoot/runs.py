@@ -16,7 +16,7 @@ from surefoot.outcome import join_result
 from surefoot.robot_io.realtime import StopRequest
 from surefoot.robot_io.robot import Robot
 from surefoot.run_folder import (
-    TICKS,
+    copy_rest,
     folder_of_run,
     read_run,
     run_folder,
@@ -84,6 +84,9 @@ class Run:
     def save(self, folder: str | Path, *, overwrite: bool = False) -> Run:
         """Save it in a folder, as ``surefoot run --out`` does.
 
+        Of a run that is in a folder, all its files are copied: its record of the bus,
+        its logs, and what tells when, by which command and with which packages it was.
+
         Args:
             folder: a new or empty one.
             overwrite: replace the files of a former run there.
@@ -98,11 +101,13 @@ class Run:
         signals = self.signals
         reads = [*self.plan.files]
         if self.folder is not None:
-            reads.append(self.folder / TICKS)
+            reads += self.folder.glob("*")
         with run_folder(Path(folder), reads=reads, overwrite=overwrite) as place:
             write_inputs(place.path, self.plan)
             with file_sinks(place.path) as sinks:
                 signals.copy_to(sinks)
+            if self.folder is not None:
+                copy_rest(self.folder, place.path)
             result = write_result(place, self.result)
         return Run(result, self.plan, Path(folder))
 

@@ -134,7 +134,7 @@ class Signals(Mapping[str, SignalArray]):
                 first, last = int(wanted.min()), int(wanted.max())
                 found = table.read(name, first, last + 1)
                 # Usually every tick is there, in order: nothing to sort.
-                is_plain = len(found) == len(here) == len(values)
+                is_plain = np.array_equal(wanted, np.arange(first, last + 1))
                 values[here] = found if is_plain else found[wanted - first]
         return values
 
@@ -323,8 +323,11 @@ class SignalsInfo(msgspec.Struct, kw_only=True):
 
 
 def signals_info(signals: Signals) -> SignalsInfo:
-    """Return the signals of a run in figures."""
+    """Return the signals of a run in figures; all are read, since damage shows then."""
     count = signals.count
+    for name in signals:
+        for start in range(0, count, BLOCK_TICKS):
+            signals.read(name, start, start + BLOCK_TICKS)
     return SignalsInfo(
         is_cut_off=signals.is_cut_off,
         ticks=count,

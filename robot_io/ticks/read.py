@@ -29,6 +29,8 @@ _LOG = logging.getLogger(__name__)
 
 _HEAD = struct.Struct("<BQ")
 _CHANNEL_ID = struct.Struct("<H")
+_INDEX_HEAD = _HEAD.pack(Opcode.MESSAGE_INDEX, 22)
+"""Begins the record behind each chunk, which tells the chunk's signal."""
 _LARGEST_CHUNK = 2**26
 """Larger chunks are damaged [bytes]: a block of a hundred joints takes half a MB."""
 _DAMAGED = (McapError, SchemaError, zstandard.ZstdError, struct.error, ValueError)
@@ -76,7 +78,9 @@ class TickFileTable(TickTable):
                     "wrote, or its folder"
                 )
             self._data = mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ)
-        self._scan()
+        unmet = self._scan()
+        for number, error in unmet.items():
+            self._tell(f"signal {number} is damaged ({error}); it is left out")
         if not self._ticks:
             raise TickFileError(
                 f"{path}: holds no whole block of ticks; it was cut off at its very "
@@ -120,8 +124,13 @@ class TickFileTable(TickTable):
         numbers = _numbers(message, layout)
         return numbers.reshape(len(ticks), *layout.shape)
 
-    def _scan(self) -> None:
-        """Find the record of each signal in each block; ``tick`` ends a block."""
+    def _scan(self) -> dict[int, Exception]:
+        """Find the record of each signal in each block; ``tick`` ends a block.
+
+        Returns:
+            Why the layout of a signal cannot be read, by its number in the file.
+        """
+        unmet: dict[int, Exception] = {}
         chunks: dict[int, _Record] = {}
         chunk: _Record | None = None
         for record in self._records():
@@ -130,7 +139,14 @@ class TickFileTable(TickTable):
             elif record.opcode == Opcode.MESSAGE_INDEX and chunk is not None:
                 (channel_id,) = _CHANNEL_ID.unpack_from(self._data, record.start)
                 if channel_id not in self._ids.values():
-                    self._meet(channel_id, chunk)
+                    try:
+                        self._meet(channel_id, chunk)
+                    except _DAMAGED as error:
+                        unmet.setdefault(channel_id, error)
+                    else:
+                        was = unmet.pop(channel_id, None)
+                        if was is not None and channel_id == self._ids.get("tick"):
+                            self._tell(f"its first block of ticks is damaged ({was})")
                 chunks[channel_id] = chunk
                 if channel_id == self._ids.get("tick"):
                     self._end_block(chunks)
@@ -140,23 +156,22 @@ class TickFileTable(TickTable):
                 self._count(self._data[record.start : record.stop])
             elif record.opcode == Opcode.FOOTER:
                 self.is_cut_off = False
+        return unmet
 
     def _meet(self, channel_id: int, chunk: _Record) -> None:
-        """Read the layout of a signal from its first message."""
-        try:
-            channel, _ = self._read_chunk(chunk)
-            if channel is None or channel.id != channel_id:
-                raise ValueError("nothing says which one it is")
-            layout = layout_from_metadata(channel.topic, channel.metadata)
-        except _DAMAGED as error:
-            self._tell(f"a signal is damaged ({error}); it is left out")
-            return
+        """Read the layout of a signal from one of its chunks."""
+        channel, _ = self._read_chunk(chunk)
+        if channel is None or channel.id != channel_id:
+            raise ValueError("nothing says which one it is")
+        layout = layout_from_metadata(channel.topic, channel.metadata)
         self.layouts[channel.topic] = layout
         self._ids[channel.topic] = channel_id
 
     def _end_block(self, chunks: dict[int, _Record]) -> None:
         try:
             _, message = self._read_chunk(chunks[self._ids["tick"]])
+            if message.channel_id != self._ids["tick"]:
+                raise ValueError("another signal in its place")
             ticks = _numbers(message, self.layouts["tick"])
             if len(ticks) == 0:
                 raise ValueError("no tick")
@@ -177,15 +192,31 @@ class TickFileTable(TickTable):
             self._tell("its end is damaged: lost ticks are not known")
 
     def _records(self) -> Iterator[_Record]:
-        """Yield all whole records in order; skipped contents are not read."""
+        """Yield all whole records in order; skipped contents are not read.
+
+        Behind damage it goes on with the next index of a chunk.
+        """
         at = len(MCAP0_MAGIC)
         while at + _HEAD.size <= len(self._data):
             opcode, length = _HEAD.unpack_from(self._data, at)
             start = at + _HEAD.size
-            at = start + length
-            if at > len(self._data):
+            if self._is_whole(opcode, start, start + length):
+                at = start + length
+                yield _Record(opcode, start, at)
+                continue
+            found = self._data.find(_INDEX_HEAD, at + 1)
+            if found < 0:
                 return
-            yield _Record(opcode, start, at)
+            self._tell(f"damaged from byte {at} to {found}")
+            at = found
+
+    def _is_whole(self, opcode: int, start: int, stop: int) -> bool:
+        """Whether a record is of a known kind, ends in the file, and before another."""
+        if opcode == Opcode.CHUNK:  # its length is right if its index follows
+            return self._data[stop : stop + _HEAD.size] == _INDEX_HEAD
+        if opcode == Opcode.MESSAGE_INDEX:
+            return self._data[start - _HEAD.size : start] == _INDEX_HEAD
+        return stop <= len(self._data) and Opcode.HEADER <= opcode <= max(Opcode)
 
     def _read_chunk(self, record: _Record) -> tuple[Channel | None, Message]:
         """Return the message in a chunk, and its channel if the chunk holds it.
@@ -215,8 +246,11 @@ class TickFileTable(TickTable):
         raise ValueError("no message in a chunk")
 
     def _tell(self, what: str) -> None:
-        self.gaps.append(f"{self.path.name}: {what}")
-        _LOG.warning("%s: %s", self.path, what)
+        """Tell of damage, once however often it is met."""
+        gap = f"{self.path.name}: {what}"
+        if gap not in self.gaps:
+            self.gaps.append(gap)
+            _LOG.warning("%s: %s", self.path, what)
 
 
 def _numbers(message: Message, layout: SignalLayout) -> SignalArray:

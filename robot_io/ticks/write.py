@@ -203,7 +203,6 @@ class _Mcap:
         times_ns: tuple[int, int],
     ) -> None:
         begin_ns, end_ns = times_ns
-        parts = []
         if name not in self._channels:
             channel = Channel(
                 id=1 + len(self._channels),
@@ -214,8 +213,9 @@ class _Mcap:
             )
             self._channels[name] = channel
             self._counts[channel.id] = 0
-            parts.append(record_bytes(channel))
         channel_id = self._channels[name].id
+        # In every chunk: if one is damaged, the others can still be read.
+        layout = record_bytes(self._channels[name])
         little = values.astype(values.dtype.newbyteorder("<"), copy=False)
         message = Message(
             channel_id=channel_id,
@@ -224,8 +224,8 @@ class _Mcap:
             publish_time=begin_ns,
             data=FIRST_TICK.pack(first_tick) + little.tobytes(),
         )
-        index = MessageIndex(channel_id, [(begin_ns, sum(map(len, parts)))])
-        data = b"".join([*parts, record_bytes(message)])
+        index = MessageIndex(channel_id, [(begin_ns, len(layout))])
+        data = layout + record_bytes(message)
         chunk = Chunk(
             compression="zstd",
             data=self._compressor.compress(data),

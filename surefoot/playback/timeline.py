@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import math
 import tempfile
 import time
 from collections.abc import Callable, Iterable, Iterator
@@ -18,7 +19,13 @@ from mcap.records import Message as RecordedMessage
 
 from surefoot.errors import UsageError
 from surefoot.recording.contents import ROBOT_JSON, ROBOT_TOML, ROBOT_URDF
-from surefoot.recording.read import Record, decode_json, read_record, with_nan
+from surefoot.recording.read import (
+    Record,
+    Rounds,
+    decode_json,
+    read_record,
+    with_nan,
+)
 from surefoot.robot_io.bus.channel import NEVER
 from surefoot.robot_io.realtime import StopRequest
 from surefoot.robot_io.robot import Robot, load_robot, make_robot
@@ -132,8 +139,7 @@ class _Collector:
 
     def __init__(self) -> None:
         self.entries: list[Entry] = []
-        self._rounds = dict.fromkeys(ALL_CHANNELS, 0)
-        self._ticks = dict.fromkeys(ALL_CHANNELS, 0)
+        self._rounds = Rounds()
         self._place = 0
 
     def take(self, channel: str, message: RecordedMessage) -> None:
@@ -142,13 +148,10 @@ class _Collector:
             return  # a channel of another program
         tick = message.sequence
         if channel in PLANNERS:  # belongs to the tick at which it came
-            tick = max(self._ticks[name] for name in TICK_SENSORS)
-        if tick < self._ticks[channel]:
-            self._rounds[channel] += 1
-        self._ticks[channel] = tick
+            tick = self._rounds.now or 0
         self.entries.append(
             Entry(
-                self._rounds[channel],
+                self._rounds.of(channel, tick),
                 tick,
                 message.publish_time,  # the sender's stamp, also in simulated time
                 _RANKS[channel],
@@ -305,13 +308,23 @@ class RecordedSensors:
 def between(
     timeline: Timeline, *, period_s: float, from_s: float, until_s: float | None
 ) -> list[Entry]:
-    """Return the messages of a span; both ends count from the first tick on [s]."""
-    first = timeline.first_tick + round(from_s / period_s)
-    end = None if until_s is None else timeline.first_tick + round(until_s / period_s)
+    """Return the messages of a span; both ends count from the first tick on [s].
+
+    The time of a robot that began anew goes on behind its former one.
+    """
+    offsets: dict[int, int] = {}
+    passed = 0
+    for lap, said in groupby(timeline.entries, key=attrgetter("round")):
+        ticks = [entry.tick for entry in said if entry.channel in TICK_SENSORS]
+        if ticks:
+            offsets[lap] = passed - ticks[0]
+            passed += ticks[-1] + 1 - ticks[0]
+    begin = round(from_s / period_s)
+    end = math.inf if until_s is None else round(until_s / period_s)
     return [
         entry
         for entry in timeline.entries
-        if entry.tick >= first and (end is None or entry.tick < end)
+        if begin <= entry.tick + offsets.get(entry.round, 0) < end
     ]
 
 

@@ -6,8 +6,8 @@ import csv
 import io
 import json
 import re
-from collections.abc import Callable, Iterable, Iterator
-from itertools import count
+from collections.abc import Callable, Collection, Iterable, Iterator
+from itertools import chain, count
 from pathlib import Path
 from typing import IO, Any, Literal
 from zipfile import ZIP_DEFLATED, BadZipFile, ZipFile
@@ -68,7 +68,7 @@ def _arrays(record: Record) -> dict[str, Array]:
         fields = dict.fromkeys(name for message in messages for name in message)
         for field, name in safe_names(fields).items():
             column = [message.get(field) for message in messages]
-            arrays[f"{safe[channel]}.{name}"] = _array(column)
+            arrays[_free(f"{safe[channel]}.{name}", arrays)] = _array(column)
     return arrays
 
 
@@ -93,7 +93,7 @@ def _parquet_writer() -> Callable[[IO[bytes], list[Columns]], None]:
         try:
             return pyarrow.array(values)
         except (ValueError, TypeError, OverflowError):  # mixed types
-            return pyarrow.array([json.dumps(value) for value in values])
+            return pyarrow.array([json.dumps(v, default=repr) for v in values])
 
     def write(file: IO[bytes], parts: list[Columns]) -> None:
         (columns,) = parts
@@ -269,49 +269,51 @@ def safe_names(names: Iterable[str]) -> dict[str, str]:
     safe: dict[str, str] = {}
     for name in names:
         short = _UNSAFE.sub("_", name).lstrip(".")[:_LONGEST_NAME] or "_"
-        taken = set(safe.values())
-        tries = (f"{short}-{number}" for number in count(2))
-        safe[name] = (
-            short
-            if short not in taken
-            else next(other for other in tries if other not in taken)
-        )
+        safe[name] = _free(short, safe.values())
     return safe
+
+
+def _free(name: str, taken: Collection[str]) -> str:
+    """Return a name, with a number behind it if it is taken."""
+    tries = chain([name], (f"{name}-{number}" for number in count(2)))
+    return next(one for one in tries if one not in taken)
 
 
 def _columns(messages: list[dict[str, Any]]) -> Columns:
     """Return a column per number or text; None where a message lacks the entry."""
-    columns: Columns = {}
+    found: dict[tuple[str, ...], list[Any]] = {}
     for row, message in enumerate(messages):
-        for name, value in _flat("", message):
-            column = columns.setdefault(name, [])
+        for path, value in _flat((), message):
+            column = found.setdefault(path, [])
             column.extend([None] * (row - len(column)))
             column.append(value)
-    for column in columns.values():
+    columns: Columns = {}
+    for path, column in found.items():
         column.extend([None] * (len(messages) - len(column)))
+        columns[_free(".".join(path), columns)] = column
     return columns
 
 
-def _flat(prefix: str, value: Any) -> list[tuple[str, Any]]:
+def _flat(path: tuple[str, ...], value: Any) -> list[tuple[tuple[str, ...], Any]]:
     if isinstance(value, dict):
         entries = list(value.items())
     elif isinstance(value, list):
         entries = [(str(index), item) for index, item in enumerate(value)]
     else:
-        return [(prefix, value)]
-    dot = "." if prefix else ""
-    return [leaf for name, item in entries for leaf in _flat(prefix + dot + name, item)]
+        return [(path, value)]
+    return [leaf for name, item in entries for leaf in _flat((*path, name), item)]
 
 
 def _array(values: list[Any]) -> Array:
-    if _is_reading(values):  # JSON holds NaN as null
+    is_reading = _is_reading(values)
+    if is_reading:  # JSON holds NaN as null
         values = with_nan(values)
     try:
         array: Array = np.asarray(values)
     except ValueError:  # entries of varying length
         array = np.asarray(values, dtype=object)
-    if array.dtype == object:
-        array = np.asarray([json.dumps(value) for value in values])
+    if array.dtype == object or not (is_reading or array.tolist() == values):
+        array = np.asarray([json.dumps(value, default=repr) for value in values])
     return array
 
 

@@ -28,6 +28,46 @@ KEPT_BYTES = 256 * 2**20
 """Size above which a record's messages are not kept but read again when asked for."""
 
 
+class Rounds:
+    """Tells a robot's runs in a record apart: with each its ticks begin anew.
+
+    Only its sensors begin a round; other messages follow. A recorder writes channel by
+    channel, so the last messages of a round may come behind the first ones of the next:
+    their ticks are nearer to its end.
+
+    Attributes:
+        now: latest tick of the sensors in the newest round; None before the first.
+    """
+
+    def __init__(self, *, late_ticks: int = 0) -> None:
+        """Start before the first round.
+
+        Args:
+            late_ticks: a tick this far behind still belongs to a late message.
+        """
+        self.now: int | None = None
+        self._end = 0
+        self._late_ticks = late_ticks
+        self._newest = 0
+        self._of: dict[str, int] = {}
+        self._ticks: dict[str, int] = {}
+
+    def of(self, channel: str, tick: int) -> int:
+        """Return the number of a message's round, from 0 on."""
+        mine, now = self._of.get(channel, 0), self.now or 0
+        is_sensor, before = channel in TICK_SENSORS, self._ticks.get(channel)
+        if is_sensor and before is not None:
+            mine += tick < before - self._late_ticks
+        elif now >= self._end or 2 * tick <= now + self._end:
+            mine = self._newest
+        if is_sensor and mine > self._newest:
+            self._newest, self._end, self.now = mine, now, tick
+        elif is_sensor and mine == self._newest:
+            self.now = max(tick, now)
+        self._of[channel], self._ticks[channel] = mine, tick
+        return mine
+
+
 class _CommandHead(Head, frozen=True):
     commander: str
     sequence: Count

@@ -22,7 +22,7 @@ from mcap.writer import CompressionType, Writer
 from surefoot.errors import UsageError
 from surefoot.out_folder import is_to_replace
 from surefoot.recording.mcap_records import BAD_CONTENT
-from surefoot.recording.read import LARGEST_GAP, count_message, new_count
+from surefoot.recording.read import LARGEST_GAP, Rounds, count_message, new_count
 from surefoot.robot_io.client_side.observer import Sample
 from surefoot.robot_io.ticks.write import SEQUENCE_MASK, record_bytes
 from surefoot.schemas.codec import Head, decode_map
@@ -34,6 +34,8 @@ _NEW_RUN_TICKS = 1000
 """A tick this far behind belongs to a new run of the robot, not to a late message."""
 _NO_TICKS = ("reference", "walk")
 """Channels of planners, which need not count ticks; their messages are of now."""
+_LAST_NS = 2**62
+"""No robot gets so old; a file's times end at four times as much [ns]."""
 CHUNK_BYTES = 128 * 1024
 """Small, since a crash loses the chunk that is being filled."""
 KEPT_FREE_BYTES = 64 * 2**20
@@ -112,8 +114,8 @@ class LogTimes:
         self.latest = 0
         self._period_ns = period_ns
         self._begins = [0]
-        self._rounds: dict[str, int] = {}
-        self._ticks: dict[str, int] = {}
+        self._rounds = Rounds(late_ticks=_NEW_RUN_TICKS)
+        self._told: dict[str, int] = {}
 
     @property
     def meaning(self) -> str:
@@ -131,17 +133,21 @@ class LogTimes:
     def _time_ns(self, channel: str, head: Head) -> int:
         if self._period_ns is None:
             return head.stamp_ns
-        before, tick = self._ticks.get(channel, 0), head.tick
-        if channel in _NO_TICKS or tick > before + LARGEST_GAP:
+        if channel in _NO_TICKS or self._is_foreign(channel, head.tick):
             return self.latest
-        self._ticks[channel] = tick
-        turn = self._rounds.get(channel, 0)
-        if tick < before - _NEW_RUN_TICKS:
-            turn += 1
-            if turn == len(self._begins):
-                self._begins.append(self.latest + self._period_ns)
-        self._rounds[channel] = turn
-        return self._begins[turn] + tick * self._period_ns
+        turn = self._rounds.of(channel, head.tick)
+        if turn == len(self._begins):
+            self._begins.append(self.latest + self._period_ns)
+        begin = self._begins[turn]
+        return min(begin + head.tick * self._period_ns, 4 * _LAST_NS - 1)
+
+    def _is_foreign(self, channel: str, tick: int) -> bool:
+        """Whether a tick is near neither the robot's nor the channel's one before."""
+        before = self._told.get(channel, -LARGEST_GAP - 1)
+        self._told[channel] = tick
+        now = tick if self._rounds.now is None else self._rounds.now
+        is_far = min(tick - now, abs(tick - before)) > LARGEST_GAP
+        return is_far or tick * (self._period_ns or 0) > _LAST_NS
 
 
 class McapFile:

@@ -285,8 +285,9 @@ def _truth(run: RunData) -> Iterator[Curve]:
     pose = signals["true_base_pose"]
     turned = Rotation.from_matrix(run.robot.R_upright_base).as_quat()
     yield from _attitude("base", TRUE, run, pose[:, 3:], axes=turned)
-    for axis, place in zip(AXES, pose[:, :3].T, strict=True):
-        yield _thinned(f"base_{axis}", TRUE, run, MM_PER_M * (place - place[0]))
+    start = pose[run.drawable(np.zeros(1))[0], :3]
+    for axis, way in zip(AXES, (pose[:, :3] - start).T, strict=True):
+        yield _thinned(f"base_{axis}", TRUE, run, MM_PER_M * way)
     for side, index in NORMALS.items():
         normal = signals["true_F"][:, index]
         yield _thinned(f"force_{side}", TRUE, run, normal)

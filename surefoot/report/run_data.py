@@ -44,6 +44,11 @@ from surefoot.sim_robot.state_view import ground_blocks
 
 MOST_RUNS = 6
 """Number of colours that can be told apart."""
+_DRAWN = (
+    *("q", "q_command", "true_com", "true_base_pose", "true_F"),
+    *("true_sole_left", "true_sole_right"),
+)
+"""Signals without which a tick cannot be drawn; where it moves, the ground as well."""
 M = TypeVar("M", Head, RobotStatus, StabilizerStatus)
 
 
@@ -182,17 +187,27 @@ class RunData:
         return phase is not None and bool(np.any(phase > 0))
 
     def drawable(self, rows: Array) -> NDArray[np.int64]:
-        """Return the given rows, or the next ones with a recorded truth.
+        """Return the given rows, or the next ones of which all is known.
 
-        A slow disk may have lost some.
+        A slow disk or damage may have cost some.
 
         Args:
             rows: (n,) wanted rows, in order.
         """
-        known = np.flatnonzero(np.isfinite(self.signals["true_base_pose"][:, 0]))
+        known = _known(self.signals)
         at = np.searchsorted(known, rows.astype(np.int64))
         found: NDArray[np.int64] = known[np.minimum(at, len(known) - 1)]
         return found
+
+
+def _known(signals: Signals) -> NDArray[np.int64]:
+    """Return the rows that can be drawn."""
+    parts = [*_DRAWN, *({"true_platform_pose"} & set(signals))]
+    whole = [
+        np.isfinite(signals[name]).reshape(signals.count, -1).all(axis=1)
+        for name in parts
+    ]
+    return np.flatnonzero(np.logical_and.reduce(whole))
 
 
 def load_runs(folders: list[Path]) -> list[RunData]:
@@ -233,10 +248,11 @@ def load_run(folder: Path, *, label: str) -> RunData:
 
     result, about = read_ends(folder)
     signals = read_signals(folder)
-    if "q" not in signals:
+    if not {*_DRAWN, "ft_left"} <= set(signals) or not len(_known(signals)):
+        kept_none = f"{TICKS} is missing; the run kept no ticks of the robot"
         raise UsageError(
-            f"{folder / TICKS}: missing; the run kept no ticks of the robot, so there "
-            "is nothing to draw. Make it again with --out, and let it run"
+            f"{folder}: {'; '.join(signals.gaps) or kept_none}. So there is nothing "
+            "to draw; make the run again with --out, and let it run"
         )
     with naming_run(folder):
         robot = load_robot(about.robot, servo_profile=about.servo_profile)

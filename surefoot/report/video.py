@@ -115,7 +115,7 @@ def check_drawing(run: RunData, *, video: bool) -> None:
     if video:
         check_encoder()
     try:
-        next(_pictures(run, np.array([0]), size=(64, 48)))
+        next(_pictures(run, run.drawable(np.zeros(1)), size=(64, 48)))
     except RenderError as error:
         raise EnvironmentFailedError(str(error)) from error
 

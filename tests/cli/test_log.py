@@ -12,6 +12,7 @@ import msgpack
 import numpy as np
 import pyarrow.parquet
 import pytest
+from mcap.writer import Writer
 
 from surefoot.recording.export import export_record, export_signals
 from surefoot.recording.read import read_record
@@ -76,6 +77,40 @@ def test_readings_that_are_no_number_leave_numbers_of_the_others(
     with np.load(tmp_path / "a.npz") as arrays:
         np.testing.assert_array_equal(arrays["left_ankle_ft.force"], readings)
         assert arrays["left_ankle_ft.tick"].dtype == np.int64
+
+
+def test_an_export_keeps_fields_of_one_name_apart_and_every_digit(
+    tmp_path: Path,
+) -> None:
+    said = {
+        "a": [{"b": {"c": 1, "d": 7}, "b.c": 2}] * 2,
+        "x.y": [{"z": 3}],
+        "x": [{"y.z": 4}],
+        "large": [{"v": 2**60 + 1}, {"v": 0.5}],
+        "mixed": [{"v": 1}, {"v": "1"}],
+    }
+    with (tmp_path / "foreign.mcap").open("wb") as file:
+        writer = Writer(file)
+        writer.start(profile="", library="other")
+        for name, messages_of_it in said.items():
+            number = writer.register_channel(name, "json", schema_id=0)
+            for message in messages_of_it:
+                writer.add_message(number, 0, json.dumps(message).encode(), 0)
+        writer.finish()
+    record = read_record(tmp_path / "foreign.mcap")
+    export_record(record, "npz", tmp_path / "a.npz")
+    with np.load(tmp_path / "a.npz") as arrays:
+        told = {name: array.tolist() for name, array in arrays.items()}
+    assert told["x.y.z"] == [3]
+    assert told["x.y.z-2"] == [4]
+    assert told["large.v"] == [str(2**60 + 1), "0.5"]
+    assert told["mixed.v"] == ["1", '"1"']
+    export_record(record, "csv", tmp_path / "csv")
+    rows = (tmp_path / "csv" / "a.csv").read_text().split()
+    assert rows == ["b.c,b.d,b.c-2", "1,7,2", "1,7,2"]
+    export_record(record, "parquet", tmp_path / "parquet")
+    table = pyarrow.parquet.read_table(tmp_path / "parquet" / "a.parquet")
+    assert table.to_pydict() == {"b.c": [1, 1], "b.d": [7, 7], "b.c-2": [2, 2]}
 
 
 def test_an_export_that_fails_leaves_nothing(recorded: Path, tmp_path: Path) -> None:

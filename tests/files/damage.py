@@ -3,9 +3,12 @@
 from __future__ import annotations
 
 import random
+import struct
 from pathlib import Path
 
-from mcap.writer import CompressionType, Writer
+from mcap.opcode import Opcode
+from mcap.reader import make_reader
+from mcap.writer import MCAP0_MAGIC, CompressionType, Writer
 
 KINDS = ("cut", "zeros", "flip", "bits", "insert", "drop", "swap", "length")
 
@@ -45,6 +48,24 @@ def damaged(data: bytes, seed: int) -> bytes:
                 (b"\xff" * 8, b"\xff" * 4 + bytes(4), b"\x00\x00\x00\x40" + bytes(4))
             )
     return bytes(copy)
+
+
+def damage_first_block(ticks: Path, signal: str) -> None:
+    """Change a byte of a signal's first block in a ticks file."""
+    data = bytearray(ticks.read_bytes())
+    with ticks.open("rb") as file:
+        summary = make_reader(file).get_summary()
+    assert summary is not None
+    (wanted,) = (n for n, it in summary.channels.items() if it.topic == signal)
+    at = len(MCAP0_MAGIC)
+    while True:
+        chunk, length = at, struct.unpack_from("<Q", data, at + 1)[0]
+        at += 9 + length
+        # Behind each chunk an index tells whose it is.
+        if data[chunk] == Opcode.CHUNK and data[at + 9] == wanted:
+            break
+    data[(chunk + at) // 2] ^= 0xFF
+    ticks.write_bytes(data)
 
 
 def foreign_record(path: Path, what: str) -> Path:

@@ -15,7 +15,7 @@ from mcap.reader import make_reader
 
 from surefoot.cli.bus_messages import Echo, TimingMeter
 from surefoot.cli.bus_topics import list_topics
-from surefoot.playback.timeline import read_timeline
+from surefoot.playback.timeline import between, read_timeline
 from surefoot.recording.read import LARGEST_GAP, read_record, record_info
 from surefoot.recording.write import LogTimes, McapFile
 from surefoot.robot_io.client_side.client import RobotClient
@@ -109,6 +109,70 @@ def test_in_simulated_time_a_run_spans_what_it_simulated() -> None:
     assert times.of("reference", Head(0, 0)) == times.latest
     assert times.of("joints", Head(2**60, 0)) == times.latest
     assert times.of("joints", Head(10, 0)) == again[9] + 10**6
+
+
+def test_a_recorder_that_joins_late_tells_simulated_time() -> None:
+    times = LogTimes(10**6)
+    late = 3 * LARGEST_GAP
+    span = [times.of("joints", Head(late + tick, 0)) for tick in range(3)]
+    assert span == [(late + tick) * 10**6 for tick in range(3)]
+    # Two messages in a row beyond a gap are the robot's again, one is not.
+    assert times.of("joints", Head(9 * late, 0)) == times.latest == span[-1]
+    assert times.of("joints", Head(9 * late + 1, 0)) == (9 * late + 1) * 10**6
+
+
+def test_who_first_speaks_to_a_robot_that_began_anew_belongs_to_that_run() -> None:
+    times = LogTimes(10**6)
+    for tick in range(2000):
+        times.of("joints", Head(tick, 0))
+    for tick in range(5001):
+        now = times.of("joints", Head(tick, 0))
+    assert times.of("joint_command", Head(5000, 0)) == now == 7000 * 10**6
+
+
+def test_only_its_sensors_tell_that_a_robot_began_anew(tmp_path: Path) -> None:
+    file = McapFile(
+        tmp_path / "a.mcap",
+        channels=ALL_CHANNELS,
+        keys=WALKER.keys,
+        attachments=[],
+        raw=False,
+    )
+
+    def heard(name: str, *ticks: int) -> None:
+        for tick in ticks:
+            message = {"tick": tick, "stamp_ns": 0, "commander": "ann", "sequence": 0}
+            file.add([Sample(name, msgpack.packb(message), 0)])
+
+    with file:
+        heard("joints", 20, 21, 22)
+        heard("imu", 20, 21)
+        heard("joints", 0, 1)
+        heard("imu", 22, 0, 1)  # the last one came behind
+        heard("status", 22, 0)
+        heard("joints", *range(2, 9))
+        heard("joint_command", 8, 4)  # the late one of a stabilizer that froze
+        heard("joints", 9)
+        heard("joint_command", 9)
+    rounds: dict[str, list[tuple[int, int]]] = {}
+    timeline = read_timeline(file.path)
+    for entry in timeline.entries:
+        rounds.setdefault(entry.channel, []).append((entry.round, entry.tick))
+    assert rounds == {
+        "joints": [(0, 20), (0, 21), (0, 22), *((1, tick) for tick in range(10))],
+        "imu": [(0, 20), (0, 21), (0, 22), (1, 0), (1, 1)],
+        "status": [(0, 22), (1, 0)],
+        "joint_command": [(1, 4), (1, 8), (1, 9)],
+    }
+    # A replay counts the time of both, one behind the other.
+    for span, ends in (
+        ((0, None), ((0, 20), (1, 9))),
+        ((2, 5), ((0, 22), (1, 1))),
+        ((5, None), ((1, 2), (1, 9))),
+    ):
+        played = between(timeline, period_s=1.0, from_s=span[0], until_s=span[1])
+        first, last = played[0], played[-1]
+        assert ((first.round, first.tick), (last.round, last.tick)) == ends
 
 
 def test_a_foreign_tick_is_not_a_million_missing_messages(tmp_path: Path) -> None:

@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from mcap.opcode import Opcode
 from mcap.reader import make_reader
 
 from surefoot.robot_io.errors import TickFileError
@@ -184,6 +185,47 @@ def test_damage_costs_what_it_hits_and_is_never_read_as_numbers(
             missing = np.isnan(values) if layout.dtype == "float64" else values < 0
             assert (missing | (values == true)).all(), name
     assert refused < 0.1 * copies
+
+
+@pytest.mark.parametrize("part", ["head", "content", "index"])
+@pytest.mark.parametrize("is_cut", [False, True], ids=["whole", "cut off"])
+def test_damage_to_a_signal_costs_it_one_block_wherever_it_is(
+    whole: Path, kept: MemoryTicks, tmp_path: Path, part: str, is_cut: bool
+) -> None:
+    """Also in the first block; a damaged index costs the next signal as well."""
+    data = whole.read_bytes()
+    begins = [8, *record_ends(data)]
+    chunks = [at for at in begins[:-1] if data[at] == Opcode.CHUNK]
+    if is_cut:
+        data = data[: begins[begins.index(chunks[-1]) + 2]]
+    with whole.open("rb") as file:
+        summary = make_reader(file).get_summary()
+    assert summary is not None
+    ends = [begins[begins.index(at) + 1] for at in chunks]
+    ids = [struct.unpack_from("<H", data, end + 9)[0] for end in ends]
+    names = [summary.channels[number].topic for number in ids]
+    for number, (at, end) in enumerate(zip(chunks, ends, strict=True)):
+        damaged = bytearray(data)
+        byte = {"head": at + 1, "content": (at + end) // 2, "index": end}[part]
+        damaged[byte] ^= 0xFF
+        path = tmp_path / "damaged.mcap"
+        path.write_bytes(damaged)
+        table = TickFileTable(path)
+        hit: dict[str, set[int]] = {}
+        for place in (number, number + 1)[: 2 if part == "index" else 1]:
+            first = BLOCK_TICKS * names[:place].count("tick")
+            lost = {*range(first, min(first + BLOCK_TICKS, TICKS))}
+            hit[[*names, ""][place]] = lost
+        ticks = table.read("tick")
+        assert set(ticks) == {*range(TICKS)} - hit.get("tick", set())
+        assert set(table.layouts) == set(NAMES)
+        for name in NAMES:
+            same = np.isclose(
+                table.read(name), kept.read(name)[ticks], rtol=0, atol=0, equal_nan=True
+            )
+            differs = ticks[~same.reshape(len(ticks), -1).all(axis=1)]
+            assert set(differs) <= hit.get(name, set())
+        assert table.gaps
 
 
 @pytest.mark.parametrize("content", [b"", b"something else", bytes(5000)])

@@ -8,6 +8,7 @@ import os
 import shutil
 from pathlib import Path
 
+import msgspec
 import numpy as np
 import piqp
 import pyarrow.parquet
@@ -17,7 +18,7 @@ import surefoot as sf
 from docs.site_build.signals_page import signals_page
 from surefoot.recording.export import export_signals
 from surefoot.robot_io.ticks.recorder import MemoryTicks, TickRecorder
-from surefoot.run_folder import CONTROLLER_TICKS, TICKS
+from surefoot.run_folder import CONTROLLER_TICKS, MARKER, RECORD, TICKS
 from surefoot.run_plan import make_plan
 from surefoot.runs import execute
 from surefoot.schemas.signals import QP_WORDS, SIGNALS, WALK_SIGNALS, lay_out
@@ -89,6 +90,34 @@ def test_a_copy_of_a_kept_run_holds_as_much(
     for name in copy:
         assert copy[name].tobytes() == run.signals[name].tobytes(), name
     assert copy.is_cut_off == run.signals.is_cut_off == bool(missing_bytes)
+
+
+def test_a_copy_of_a_kept_run_has_its_other_files(
+    folders: dict[str, Path], tmp_path: Path
+) -> None:
+    """Its record and its logs, and what says when it was made, and with what."""
+    kept = tmp_path / "run"
+    shutil.copytree(folders["lockstep"], kept)
+    about = msgspec.json.decode((kept / MARKER).read_bytes())
+    about |= {"started": "2020-01-01T00:00:00+00:00", "packages": {"mujoco": "3.0"}}
+    (kept / MARKER).write_bytes(msgspec.json.encode(about))
+    copy = tmp_path / "copy"
+    sf.load_run(kept).save(copy)
+    assert {file.name for file in copy.iterdir()} == {f.name for f in kept.iterdir()}
+    for name in (MARKER, RECORD, "robot.log"):
+        assert (copy / name).read_bytes() == (kept / name).read_bytes(), name
+
+
+def test_of_a_tick_that_came_again_the_last_row_counts(tmp_path: Path) -> None:
+    """As for the stabilizer of a robot that began anew."""
+    kept = MemoryTicks()
+    layouts = [lay_out(n, joints=["a"]) for n in ("tick", "time_s", "q")]
+    recorder = TickRecorder(layouts, kept)
+    for row, tick in enumerate((*range(10), *range(4))):
+        recorder.add(tick, [np.array([float(tick)]), np.array([float(row)])])
+    signals = sf.Signals([kept])
+    assert signals.time_s.tolist() == signals.ticks.tolist() == [*range(10)]
+    assert signals["q"].ravel().tolist() == [10, 11, 12, 13, *range(4, 10)]
 
 
 def test_a_copy_tells_what_its_original_lost(tmp_path: Path) -> None:

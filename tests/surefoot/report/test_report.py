@@ -26,6 +26,7 @@ from surefoot.report.panels import frame_rows, panel_groups, state_at
 from surefoot.report.run_data import RunData, load_run, load_runs
 from surefoot.report.tables import figure_rows, setting_rows
 from surefoot.robot_io.client_side.observer import LatestMessages
+from surefoot.robot_io.ticks.recorder import BLOCK_TICKS
 from surefoot.run_folder import folder_of_run
 from surefoot.runs import load_run as run_of
 from surefoot.runs import simulate
@@ -34,10 +35,12 @@ from surefoot.schemas.messages import ImuState, JointState, StabilizerStatus, Tr
 from surefoot.schemas.scenario import Scenario
 from surefoot.schemas.settings import ControllerSettings
 from surefoot.schemas.walk_plan import WalkStatus
+from surefoot.signals import read_signals, signals_info
 from surefoot.sim_robot.metrics import COM_FROM_S
 from surefoot.view.robot_shape import RobotShape
 from surefoot.view.scene_state import state_of
 from tests.command import Surefoot
+from tests.files.damage import damage_first_block
 from tests.surefoot.report.runs import make_report, shared_page, shared_runs
 
 MM = 1e3
@@ -380,6 +383,21 @@ def test_ticks_that_are_cut_off_are_drawn_as_far_as_they_go(
     true, estimated = drawn["com_x", "true"], drawn["com_x", "estimated"]
     assert 0.0 < true.times[-1] < estimated.times[-1]
     assert np.isfinite(true.values).all()
+
+
+@pytest.mark.parametrize("signal", ["true_base_pose", "true_platform_pose", "tick"])
+def test_a_damaged_beginning_costs_the_page_its_beginning(
+    broken: Path, signal: str
+) -> None:
+    whole = {(curve.panel, curve.kind) for curve in curves(load_run(broken, label="a"))}
+    damage_first_block(broken / "ticks.mcap", signal)
+    run = load_run(broken, label="broken")
+    assert {(curve.panel, curve.kind) for curve in curves(run)} == whole
+    assert frame_rows(run)[0] == BLOCK_TICKS
+    (told,) = signals_info(read_signals(broken)).gaps
+    assert "damaged" in told
+    for row in frame_rows(run):
+        state_at(run, int(row))
 
 
 def test_ticks_of_which_nothing_can_be_read_are_told(broken: Path) -> None:
