@@ -285,6 +285,14 @@ def _parts(word: str) -> list[str]:
     return parts if all("." in part for part in parts) else [word]
 
 
+def plain_units(units: str) -> str:
+    """Return the units of a heading, however written, in the spelling of scenarios."""
+    plain = re.sub(r"[\s().]", "", units.lower()).replace("°", "deg")
+    plain = plain.replace("seconds", "s").replace("second", "s").replace("sec", "s")
+    plain = re.sub(r"/s(/s|\*\*2|\^2|2|²)$", "/s2", plain)
+    return re.sub(r"^(g|gal)'?s$", r"\1", plain)
+
+
 def is_number(cell: str, delimiter: str) -> bool:
     """Return whether a cell is a number; between tabs or semicolons 0,5 is one."""
     plain = cell.strip().strip('"')
