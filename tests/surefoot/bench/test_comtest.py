@@ -141,10 +141,13 @@ def test_a_translation_is_as_large_as_the_tilt_it_is_named_by() -> None:
         {"sizes_deg": [-1.0]},
         {"sizes_deg": [math.inf]},
         {"sizes_deg": [math.nan]},
+        {"protocols": ["sinus"], "speed": 5.0},
+        {"protocols": ["transient"], "cycles": 5},
+        {"protocols": ["prts"], "frequencies_hz": [1.0]},
     ],
 )
 def test_what_cannot_be_measured_is_refused(wrong: dict[str, object]) -> None:
-    with pytest.raises(UsageError, match=r"^--\w+: (got|.* twice)|^--speed 13: "):
+    with pytest.raises(UsageError, match=r"^(--)?\w+: (got|.* twice)|^--speed 13: "):
         comtest(**wrong)  # type: ignore[arg-type]
 
 
