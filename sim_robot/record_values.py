@@ -80,8 +80,10 @@ def read_mcap(
         )
     stamps = np.array(times, dtype=np.int64)
     order = np.argsort(stamps, kind="stable")  # a logger may swap messages
-    stamps = stamps[order]
-    return _NANOSECOND * (stamps - stamps[0]), np.array(values)[order]
+    stamps, found = stamps[order], np.array(values)[order]
+    # A sensor that is slower than its messages sends the same reading again.
+    is_new = np.append(True, (np.diff(stamps) != 0) | (np.diff(found) != 0.0))
+    return _NANOSECOND * (stamps - stamps[0])[is_new], found[is_new]
 
 
 def _opened(content: bytes) -> tuple[McapReader, list[Channel]]:

@@ -364,7 +364,8 @@ def test_messages_count_from_when_they_were_measured(
         for index in range(4)
     ]
     swapped = [messages[index] for index in (0, 2, 1, 3)]  # by the logger
-    for each in (messages, swapped):
+    repeated = [messages[index] for index in (0, 0, 1, 1, 1, 2, 2, 3)]  # slow sensor
+    for each in (messages, swapped, repeated):
         content = _mcap(each, encoding=encoding)
         record = _read(tmp_path / "a.mcap", content, channel="/imu", field="a.1")
         assert record.times == pytest.approx([0.0, 0.01, 0.02, 0.03])
