@@ -289,7 +289,7 @@ def _value_units(name: str, motion: RecordedMotion, quantity: Quantity) -> str |
     """
     if (stated := _in_brackets(name)) is not None:
         return plain_units(stated)
-    words = _BETWEEN_WORDS.split(name.strip())[1:]
+    words = _BETWEEN_WORDS.split(name.strip())
     default, *others = motion.units_for(quantity)
     for units in map(plain_units, ("/".join(words[-2:]), *words[-1:])):
         if units in others and motion.units is None:

@@ -154,6 +154,7 @@ def test_units_that_a_heading_states_are_those_of_the_record(
         ('t,"a, cm_s2"', r"units: missing, .* in cm/s2"),
         ("t,acc g", r"units: missing, .*'acc g' .* in g or"),
         ("t,acc-cm/s^2", r"units: missing, .* in cm/s2"),
+        ("t,g", r"units: missing, .*'g' .* in g or"),
         ("t,accG", r"units: missing, .* in g or"),
         ("time_min,a", "times are in 'min', .* expected s, ms"),
     ],
