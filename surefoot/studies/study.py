@@ -188,11 +188,19 @@ def make_cells(
         )
     given = set[tuple[str, Any]]()
     for path, value in chain.from_iterable(levels):
-        if (path, hashable(value)) in given:  # 1 and 1.0 would count as one case
+        level = path, hashable(value)
+        try:
+            is_given = level in given  # 1 and 1.0 would count as one case
+        except TypeError as error:  # a table, or a list of some
+            raise UsageError(
+                f"--vary {path}: got {value}, expected numbers, texts or lists; vary "
+                f"the table's keys, each as {path}.KEY"
+            ) from error
+        if is_given:
             raise UsageError(
                 f"--vary {path}: {in_words(value)} is named twice; name it once"
             )
-        given.add((path, hashable(value)))
+        given.add(level)
         section, _, name = path.partition(".")
         known = setting_names()
         if section in SETTINGS_ONLY and path not in known:

@@ -114,6 +114,11 @@ def test_value_that_is_varied_twice_is_refused() -> None:
         )
 
 
+def test_a_table_is_no_value() -> None:
+    with pytest.raises(UsageError, match=r"posture: got .*vary the table's keys"):
+        study("standing", vary={"start.posture": [{"left_knee": 1.0}]})
+
+
 def test_lists_are_values_too_and_are_shown() -> None:
     [cell] = make_cells(
         ["standing"],
