@@ -189,6 +189,10 @@ def identify(
         raise UsageError(
             "--scenario: only a robot in this process has one; add --inline"
         )
+    if inline and (lockstep or endpoints is not None or connect):
+        raise UsageError(
+            "--inline uses no bus; leave out --endpoints, --connect and --lockstep"
+        )
     target = out or Path(f"{model.file.name}-identified.toml")
     check_out(model, target, overwrite=overwrite)
     meeting = None

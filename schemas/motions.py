@@ -230,9 +230,9 @@ class RecordedMotion(
     record's rate. Absent: 0.1 for accelerations and velocities; 0.0 (nothing is
     removed) for positions."""
     from_s: NonNegative = 0.0
-    """Time in the record at which to begin."""
+    """Time at which to begin, counted from the record's first sample."""
     to_s: Positive | None = None
-    """Time in the record at which to end; absent: at its end."""
+    """Time at which to end, counted likewise; absent: at the record's end."""
     column: str = ""
     """Text files with a heading: name of the column, with or without its unit in
     brackets; absent: the second column."""

@@ -14,7 +14,13 @@ import numpy as np
 from surefoot.schemas.arrays import Array
 from surefoot.schemas.motions import Quantity, RecordedMotion
 from surefoot.sim_robot.catalogue import ScenarioError
-from surefoot.sim_robot.record_values import Numbers, bad_key, is_number, read_mcap
+from surefoot.sim_robot.record_values import (
+    Numbers,
+    bad_key,
+    is_number,
+    plain_units,
+    read_mcap,
+)
 
 _PEER: dict[str, tuple[Quantity, str]] = {
     ".at2": ("acceleration", "g"),
@@ -22,21 +28,25 @@ _PEER: dict[str, tuple[Quantity, str]] = {
     ".dt2": ("position", "cm"),
 }
 _PEER_MOST_HEAD_LINES = 10
-_SECONDS = {"": 1.0, "s": 1.0, "sec": 1.0, "second": 1.0, "ms": 1e-3, "msec": 1e-3}
+_SECONDS = dict.fromkeys(("", "s", "sec", "secs", "second", "seconds"), 1.0)
+_SECONDS |= dict.fromkeys(("ms", "msec", "msecs", "millis", "milliseconds"), 1e-3)
 _SECONDS |= {"us": 1e-6, "µs": 1e-6, "μs": 1e-6, "ns": 1e-9}  # micro, and Greek mu
+_OTHER_TIMES = re.compile(r"min(ute)?s?|h|hrs?|hours?|d|days?")
 _PEER_COUNT = re.compile(r"NPTS\s*=\s*([^\s,;]*)", re.IGNORECASE)
 _PEER_STEP = re.compile(
     r"\bDT\s*=\s*([^\s,;A-Z]*(?:[ED][-+]?\d+)?)\s*(?!NPTS)([A-Z]*)", re.IGNORECASE
 )
 _PEER_OLD = re.compile(r"^\s*([^\s,]+)[\s,]+([^\s,]+)[\s,]+NPTS", re.IGNORECASE)
-_PEER_UNITS = re.compile(r"UNITS?\s+OF\s+([^,;]+?)\s*(?:[,;]|$)", re.IGNORECASE)
+_PEER_UNITS = re.compile(  # after such words, or by themselves
+    r"(?i)(?:UNITS?\s*(?:OF|IN|[:=])\s*|\b(?=[CM]?M/S|GALS?\b))([^,;]+?)\s*(?:[,;]|$)"
+)
 _KNET_RATE = re.compile(r"^Sampling Freq\(Hz\)\s+(\S+?)(?:Hz)?\s*$", re.MULTILINE)
 _KNET_SCALE = re.compile(r"^Scale Factor\s+(\S+?)\s*\(gal\)\s*/\s*(\S+)", re.MULTILINE)
 _KNET_LASTS = re.compile(r"^Duration Time\(s\)\s+(\S+)", re.MULTILINE)
 _KNET_HEAD_END = re.compile(r"^Memo\b.*$", re.MULTILINE)
 _IN_BRACKETS = re.compile(r"\s*(\[[^\]]*\]|\([^)]*\))\s*$")
 _STATED_UNIT = re.compile(r"(?:\[([^\]]*)\]|\(([^)]*)\))\s*$")
-_TIME_SUFFIX = re.compile(r"(?:_|,\s*)([a-zµμ]+)\s*$", re.IGNORECASE)
+_BETWEEN_WORDS = re.compile(r"[\s_,;:.-]+|(?<=[a-z])(?=[A-Z])")
 _TIME_NAME = re.compile(
     r"(t|times?|timestamp|stamp|s|secs?|seconds?|elapsed)([\s_,(\[].*)?", re.IGNORECASE
 )
@@ -153,8 +163,7 @@ def _peer(motion: RecordedMotion, content: bytes) -> GroundRecord:
         )
     number = Numbers(motion.file)
     samples = number(words[0], "NPTS", above=0.0)
-    unit = (words[2] or "").lower()
-    per_second = _SECONDS.get(unit) or _SECONDS.get(unit.removesuffix("s"))
+    per_second = _SECONDS.get((words[2] or "").lower())
     if per_second is None:
         raise number.bad("DT", f"{words[1]} {words[2]}", "seconds (SEC or MSEC)")
     step_s = per_second * number(words[1], "DT", above=0.0)
@@ -167,18 +176,10 @@ def _peer(motion: RecordedMotion, content: bytes) -> GroundRecord:
     return GroundRecord(
         content=content,
         quantity=quantity,
-        units=default if units is None else _plain_units(units),
+        units=default if units is None else plain_units(units),
         times=step_s * np.arange(len(values), dtype=np.float64),
         values=values,
     )
-
-
-def _plain_units(units: str) -> str:
-    """Return the units of a heading, however written, in the spelling of scenarios."""
-    plain = re.sub(r"[\s().]", "", units.lower()).replace("°", "deg")
-    plain = plain.replace("seconds", "s").replace("second", "s").replace("sec", "s")
-    plain = re.sub(r"/s(/s|\*\*2|\^2|2|²)$", "/s2", plain)
-    return re.sub(r"^(g|gal)'?s$", r"\1", plain)
 
 
 def _knet(motion: RecordedMotion, content: bytes) -> GroundRecord:
@@ -286,12 +287,11 @@ def _value_units(name: str, motion: RecordedMotion, quantity: Quantity) -> str |
     Raises:
         ScenarioError: it ends like a unit: `a_g` may be in g, or of the ground.
     """
-    stated = _in_brackets(name)
-    if stated is not None:
-        return _plain_units(stated)
-    words = re.split(r"_|,\s*", name.strip().lower())[1:]
+    if (stated := _in_brackets(name)) is not None:
+        return plain_units(stated)
+    words = _BETWEEN_WORDS.split(name.strip())
     default, *others = motion.units_for(quantity)
-    for units in ("/".join(words[-2:]), *words[-1:]):
+    for units in map(plain_units, ("/".join(words[-2:]), *words[-1:])):
         if units in others and motion.units is None:
             raise bad_key(
                 "units",
@@ -313,17 +313,17 @@ def _time_unit(file: str, name: str) -> float:
     Raises:
         ScenarioError: the unit is none of time.
     """
-    stated, suffix = _in_brackets(name), _TIME_SUFFIX.search(name)
-    per_second = _SECONDS.get((stated or "").strip().lower())
-    if per_second is None:
-        raise bad_key(
-            "file",
-            f"{file}: times are in {stated!r}, as the heading {name!r} says, expected "
-            "s, ms, us or ns; mend the heading, or save the record with seconds",
-        )
-    if stated is None and suffix is not None:
-        return _SECONDS.get(suffix[1].lower(), 1.0)
-    return per_second
+    stated, last = _in_brackets(name), _BETWEEN_WORDS.split(name.strip())[-1]
+    unit = (last if stated is None else stated).strip()
+    if unit.lower() in _SECONDS:
+        return _SECONDS[unit.lower()]
+    if stated is None and not _OTHER_TIMES.fullmatch(unit.lower()):
+        return 1.0
+    raise bad_key(
+        "file",
+        f"{file}: times are in {unit!r}, as the heading {name!r} says, expected "
+        "s, ms, us or ns; mend the heading, or save the record with seconds",
+    )
 
 
 def _delimiter(lines: list[tuple[int, str]]) -> str:

@@ -80,8 +80,10 @@ def read_mcap(
         )
     stamps = np.array(times, dtype=np.int64)
     order = np.argsort(stamps, kind="stable")  # a logger may swap messages
-    stamps = stamps[order]
-    return _NANOSECOND * (stamps - stamps[0]), np.array(values)[order]
+    stamps, found = stamps[order], np.array(values)[order]
+    # A sensor that is slower than its messages sends the same reading again.
+    is_new = np.append(True, (np.diff(stamps) != 0) | (np.diff(found) != 0.0))
+    return _NANOSECOND * (stamps - stamps[0])[is_new], found[is_new]
 
 
 def _opened(content: bytes) -> tuple[McapReader, list[Channel]]:
@@ -283,6 +285,14 @@ def _parts(word: str) -> list[str]:
     """Return touching numbers one by one; leave an exponent such as 1.5-101 whole."""
     parts = _RUN_TOGETHER.split(word)
     return parts if all("." in part for part in parts) else [word]
+
+
+def plain_units(units: str) -> str:
+    """Return the units of a heading, however written, in the spelling of scenarios."""
+    plain = re.sub(r"[\s().]", "", units.lower()).replace("°", "deg")
+    plain = plain.replace("seconds", "s").replace("second", "s").replace("sec", "s")
+    plain = re.sub(r"/s(/s|\*\*2|\^2|2|²)$", "/s2", plain)
+    return re.sub(r"^(g|gal)'?s$", r"\1", plain)
 
 
 def is_number(cell: str, delimiter: str) -> bool:

@@ -97,17 +97,20 @@ def recorded_track(motion: RecordedMotion) -> RecordedTrack:
     Raises:
         ScenarioError: the file cannot be read, or is no motion; ``field`` is the key.
     """
+    state: tuple[int, ...] = ()
     try:
-        changed_ns = Path(motion.file).stat().st_mtime_ns
+        about = Path(motion.file).stat()
+        # Another file in its place may have the same time of its last change.
+        state = about.st_mtime_ns, about.st_ctime_ns, about.st_size, about.st_ino
     except (OSError, ValueError):
-        changed_ns = 0  # reading the file will report what is wrong
-    return _track(motion, changed_ns)
+        pass  # reading the file will report what is wrong
+    return _track(motion, state)
 
 
 @lru_cache(maxsize=8)
-def _track(motion: RecordedMotion, changed_ns: int) -> RecordedTrack:
+def _track(motion: RecordedMotion, state: tuple[int, ...]) -> RecordedTrack:
     """Do the work of :func:`recorded_track`, anew when the file has changed."""
-    del changed_ns
+    del state
     record = read_record(motion)
     times, values = _cut(record, motion)
     try:

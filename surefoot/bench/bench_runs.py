@@ -74,6 +74,19 @@ def check_positive(values: Sequence[float], *, what: str) -> None:
             raise UsageError(f"{what}: got {value:g}, expected a number above 0")
 
 
+def check_used(given: bool, by: str, asked: Sequence[str], *, what: str) -> None:
+    """Refuse an option, ``what``, that only ``by`` reads when that is not asked for.
+
+    Raises:
+        UsageError: it is given, and nothing that runs reads it.
+    """
+    if given and by not in asked:
+        raise UsageError(
+            f"{what}: got a value, but only {by} reads it, and only "
+            f"{', '.join(asked)} would run; leave it out, or name {by}, too"
+        )
+
+
 def plain(words: str) -> str:
     """Return words as a file name; other letters or numbers give another name."""
     signed = re.sub(r"(?<![^\s,])-(?=[\d.])", "minus ", words.lower())

@@ -20,6 +20,7 @@ from surefoot.bench.bench_files import (
 from surefoot.bench.bench_runs import (
     bench_runs,
     check_positive,
+    check_used,
     everyone,
     known_names,
     plain,
@@ -160,6 +161,9 @@ def comtest(
     all_axes = QUICK_AXES if quick else AXES
     stimuli_of = known_names(protocols or PROTOCOLS, PROTOCOLS, what="--protocols")
     about = known_names(axes or all_axes, AXES, what="--axes")
+    check_used(frequencies_hz is not None, "sinus", stimuli_of, what="frequencies_hz")
+    check_used(speed != 1.0, "prts", stimuli_of, what="--speed")
+    check_used(cycles != LEAST_CYCLES, "prts", stimuli_of, what="--cycles")
     if not LEAST_CYCLES <= cycles <= MOST_CYCLES:
         raise UsageError(
             f"--cycles: got {cycles}, expected {LEAST_CYCLES} to {MOST_CYCLES}"

@@ -23,6 +23,7 @@ from surefoot.bench.bench_files import (
 from surefoot.bench.bench_runs import (
     bench_runs,
     check_positive,
+    check_used,
     everyone,
     known_names,
     plain,
@@ -156,6 +157,8 @@ def dysturbance(
     directions = directions_deg or (QUICK_DIRECTIONS_DEG if quick else DIRECTIONS_DEG)
     sines = frequencies_hz or (QUICK_FREQUENCIES_HZ if quick else FREQUENCIES_HZ)
     asked = known_names(kinds or KINDS, KINDS, what="--kinds")
+    swings = next((kind for kind in asked if kind in SINES), SINES[0])
+    check_used(frequencies_hz is not None, swings, asked, what="--frequencies")
     check_positive(sines, what="--frequencies")
     for direction in directions:
         if not math.isfinite(direction):

@@ -15,7 +15,12 @@ from typing import Any, Literal, NamedTuple
 import numpy as np
 
 from surefoot.bench.bench_runs import NOISE, BenchCell, Under
-from surefoot.bench.sway_response import cycle_spectra, sine_response, step_figures
+from surefoot.bench.sway_response import (
+    HARMONICS,
+    cycle_spectra,
+    sine_response,
+    step_figures,
+)
 from surefoot.schemas.arrays import Array, Vec3
 from surefoot.schemas.motions import Motion, PrtsMotion, RampMotion, SineMotion
 from surefoot.schemas.scenario import Platform, Scenario
@@ -35,7 +40,9 @@ STEP_S, AFTER_STEP_S = 1.0, 6.0
 """Duration of a step, and of the observation after it [s]."""
 PERIODS = 4
 """Periods of a sine that count, after one of fading in and another one."""
-LOOK_S = 0.01
+LOOK_S, LOOKS_PER_PERIOD = 0.01, 20
+"""Longest sampling period, and least number of samples in the shortest period that
+counts: too few would show a fast motion as another one."""
 CURVE_S = 0.05
 """Sampling period of the stored curves of steps [s]."""
 
@@ -64,6 +71,14 @@ class Stimulus(NamedTuple):
     def cycle_s(self) -> float:
         """Duration of a cycle of the sequence [s]."""
         return CYCLE_S / self.speed
+
+    @property
+    def look_s(self) -> float:
+        """Sampling period of its measurement [s]."""
+        fastest_hz = self.frequency_hz
+        if self.protocol == "prts":
+            fastest_hz = HARMONICS[-1] / self.cycle_s
+        return min(LOOK_S, 1.0 / (LOOKS_PER_PERIOD * max(fastest_hz, 1.0)))
 
     @property
     def case(self) -> str:
@@ -173,7 +188,7 @@ class SwayProbe:
 
     def look(self, sim: Simulation) -> None:
         """Take in the present tick."""
-        every = max(1, round(LOOK_S / sim.robot.period_s))
+        every = max(1, int(self._stimulus.look_s / sim.robot.period_s + 1e-6))
         if sim.tick % every == 0:
             self.take(sim.time_s, sim.truth)
 

@@ -33,6 +33,7 @@ from surefoot.studies.cell import (
     find_variant,
     group_of,
     hashable,
+    in_words,
     name_of,
     names_of,
     seeds_of,
@@ -163,8 +164,8 @@ def make_cells(
         seeds: of the sensor noise.
 
     Raises:
-        UsageError: there is no such controller, a key is varied twice, or there are
-            more than ``MOST_RUNS``.
+        UsageError: there is no such controller, a key is varied twice or to the same
+            value, or there are more than ``MOST_RUNS``.
         RobotFileError: there is no such robot.
         FileFormatError: none of the controllers reads a setting that is varied.
     """
@@ -185,7 +186,21 @@ def make_cells(
             + ("fewer" if runs else "some")
             + " scenarios, values, controllers and seeds"
         )
+    given = set[tuple[str, Any]]()
     for path, value in chain.from_iterable(levels):
+        level = path, hashable(value)
+        try:
+            is_given = level in given  # 1 and 1.0 would count as one case
+        except TypeError as error:  # a table, or a list of some
+            raise UsageError(
+                f"--vary {path}: got {value}, expected numbers, texts or lists; vary "
+                f"the table's keys, each as {path}.KEY"
+            ) from error
+        if is_given:
+            raise UsageError(
+                f"--vary {path}: {in_words(value)} is named twice; name it once"
+            )
+        given.add(level)
         section, _, name = path.partition(".")
         known = setting_names()
         if section in SETTINGS_ONLY and path not in known:

@@ -221,13 +221,17 @@ def value_in_words(path: str) -> str:
     return f"{where}: {name}".removeprefix(": ").replace("_", " ")
 
 
+def _is_number(value: Any) -> bool:
+    return isinstance(value, (int, float)) and not isinstance(value, bool)
+
+
 def curves_over(summaries: Summaries, *, scenario: str, name: str) -> list[Curve]:
     """Return a scenario's curves over one varied value; all else is equal."""
     found: dict[str, list[tuple[float, float, float, float]]] = {}
     variants = short_names(group.variant for group in summaries)
     for group, summary in summaries.items():
         values = dict(group.values)
-        if group.scenario != scenario or name not in values:
+        if group.scenario != scenario or not _is_number(values.get(name)):
             continue
         others = [f"{k} {in_words(v)}" for k, v in values.items() if k != name]
         label = ", ".join([variants[group.variant], group.servo_profile, *others])
@@ -353,7 +357,7 @@ def write_summary(folder: Path, summaries: Summaries) -> None:
         (group.scenario, name)
         for group in summaries
         for name, value in group.values
-        if isinstance(value, (int, float)) and not isinstance(value, bool)
+        if _is_number(value)
     }
     if varied and (words := lacking("drawing", "matplotlib", extra="report")):
         _LOG.warning("no success curves: %s", words)

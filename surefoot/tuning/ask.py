@@ -39,6 +39,8 @@ _STARTUP = 10
 """Number of trials drawn at random before the sampler uses results."""
 _REDRAWN = 1_000_003
 """Distance of the seeds of a place's values from those that replace them."""
+_SAMPLER_SEEDS = 2**32
+"""Number of seeds that Optuna's samplers have."""
 _POPULATION = 20
 """Population of NSGA-II: a search of gains has hundreds of trials, not thousands."""
 
@@ -106,6 +108,17 @@ class Spec(msgspec.Struct, frozen=True, kw_only=True):
         plan = cell.plan(robot=self.robot, overrides=overrides)
         return Task(cell, self.robot, overrides, inputs_fingerprint(plan))
 
+    def propose(self, trial: optuna.Trial) -> dict[str, Value]:
+        """Return the values that the sampler proposes for a trial."""
+        return self.used({p.name: p.suggest(trial) for p in self.parameters})
+
+    def used(self, proposed: Mapping[str, Value]) -> dict[str, Value]:
+        """Return a trial's values, by parameter, as its runs have them."""
+        return {
+            p.name: p.used(proposed[p.name], start=self.start[p.name])
+            for p in self.parameters
+        }
+
     def check_unchanged(self) -> None:
         """Check that scenarios, robot, controller and code have not changed since.
 
@@ -140,7 +153,7 @@ class Spec(msgspec.Struct, frozen=True, kw_only=True):
             redrawn: how often values of this place were given up, since their trials
                 were lost.
         """
-        seed = self.seed + place + _REDRAWN * redrawn
+        seed = (self.seed + place + _REDRAWN * redrawn) % _SAMPLER_SEEDS
         if self.sampler == "nsga2":
             return optuna.samplers.NSGAIISampler(seed=seed, population_size=_POPULATION)
         return optuna.samplers.TPESampler(
@@ -195,6 +208,10 @@ def make_spec(
     Raises:
         UsageError: a name or a range cannot be used.
     """
+    if not 0 <= sampler_seed < _SAMPLER_SEEDS:
+        raise UsageError(
+            f"--sampler-seed {sampler_seed}: expected 0 to {_SAMPLER_SEEDS - 1}"
+        )
     variant = find_variant(controller)
     model = load_robot(robot, servo_profile=servo_profile)
     profile = model.file.servo.profile

@@ -11,6 +11,7 @@ from typing import Any
 
 from surefoot.run_plan import resolve_settings
 from surefoot.schemas.settings import ControllerSettings
+from surefoot.sim_robot.metrics import COM_FROM_S
 from surefoot.studies.cell import Row
 from surefoot.tuning.ask import Spec
 from surefoot.tuning.objectives import Objective, mean_figures, succeeded
@@ -19,6 +20,10 @@ from surefoot.tuning.parameters import Value, overrides_of
 _SEEN = (
     "Not held out: {}. With another seed these are the same runs, to the last bit, "
     "since they have no noise; name other scenarios with --held-out."
+)
+_UNMEASURED = (
+    "No run has a figure for {}, so nothing was searched by it: CoM errors and force "
+    f"deviations count from {COM_FROM_S:g} s on."
 )
 _ON_FRONT = "The start is on the front: nothing is better in every objective."
 NOTICEABLE = 0.005
@@ -101,9 +106,22 @@ class Tuned:
         return resolve_settings(None, overrides=self.overrides)
 
     @property
+    def unmeasured(self) -> list[str]:
+        """Return the objectives for which no run of the start has a figure."""
+        start = self.start
+        return [
+            objective.name
+            for objective in self.spec.figures
+            if start.rows and not start.stopped
+            if all(objective.of(row) is None for row in start.rows)
+        ]
+
+    @property
     def words(self) -> list[str]:
         """Return the changes and their effect, in sentences."""
         seen = [_SEEN.format(", ".join(self.seen))] if self.seen else []
+        if self.unmeasured:
+            seen.insert(0, _UNMEASURED.format(", ".join(self.unmeasured)))
         if not self.front:
             return [
                 f"None of {len(self.candidates)} trials stood; the start did not: "

@@ -66,12 +66,18 @@ class Parameter(msgspec.Struct, frozen=True, kw_only=True):
         return self.low > 0.0 and self.high >= LOG_RATIO * self.low
 
     def suggest(self, trial: optuna.Trial) -> Value:
-        """Return the value that a trial proposes."""
+        """Return the value that a trial proposes; see :meth:`used`."""
         if self.choices:
             chosen = trial.suggest_categorical(self.name, self.choices)
             return cast(Value, chosen)
-        exact = trial.suggest_float(self.name, self.low, self.high, log=self.is_log)
-        return rounded(exact)
+        return trial.suggest_float(self.name, self.low, self.high, log=self.is_log)
+
+    def used(self, value: Value, *, start: Value) -> Value:
+        """Return a proposed value as runs have it: rounded, unless the user gave it."""
+        if self.choices or value == start:
+            return value
+        few_digits = float(f"{value:.{DIGITS}g}")
+        return min(max(few_digits, self.low), self.high)
 
     def present(self, settings: ControllerSettings) -> Value:
         """Return its value in some settings.
@@ -191,11 +197,6 @@ def overrides_of(
         else:
             table.setdefault(name, [*setting_of(start, name)])[parameter.axis] = value
     return override_texts(table)
-
-
-def rounded(value: Value) -> Value:
-    """Return a value as it is used: numbers rounded to ``DIGITS`` digits."""
-    return float(f"{value:.{DIGITS}g}") if isinstance(value, float) else value
 
 
 def unit_of(setting: str) -> str:

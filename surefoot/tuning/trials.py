@@ -184,7 +184,7 @@ class Trials:
             self.study.sampler = self.spec.make_sampler(place, lost // MOST_LOSSES)
             trial = self.study.ask()
             trial.set_user_attr(WORKER, worker)
-            return trial, {p.name: p.suggest(trial) for p in self.spec.parameters}
+            return trial, self.spec.propose(trial)
 
     def finished(self) -> list[FrozenTrial]:
         """Return finished trials, by their place."""

@@ -27,7 +27,6 @@ try:
     from surefoot.tuning.objectives import TuneCell
     from surefoot.tuning.outcome import Candidate, Tuned, choose, compare
     from surefoot.tuning.page import OUTCOME, read_spec, write_outcome
-    from surefoot.tuning.parameters import rounded
     from surefoot.tuning.trials import (
         MOST_LOSSES,
         PLACE,
@@ -264,7 +263,7 @@ def _conclude(
     found = [
         Candidate(
             place=int(trial.user_attrs[PLACE]),
-            values={name: rounded(value) for name, value in trial.params.items()},
+            values=spec.used(trial.params),
             rows=trial.user_attrs[ROWS],
             stopped=trial.user_attrs[STOPPED],
             figures=list(trial.values),

@@ -114,6 +114,11 @@ def test_value_that_is_varied_twice_is_refused() -> None:
         )
 
 
+def test_a_table_is_no_value() -> None:
+    with pytest.raises(UsageError, match=r"posture: got .*vary the table's keys"):
+        study("standing", vary={"start.posture": [{"left_knee": 1.0}]})
+
+
 def test_lists_are_values_too_and_are_shown() -> None:
     [cell] = make_cells(
         ["standing"],
@@ -145,6 +150,8 @@ def row_of(cell: Cell) -> Row:
 def test_run_that_is_asked_for_twice_does_not_count_as_two(tmp_path: Path) -> None:
     with pytest.raises(UsageError, match="asked for twice"):
         study("standing", seeds=[3, 3], controllers=["hold"], out=tmp_path / "study")
+    with pytest.raises(UsageError, match="friction: 1 is named twice; name it once"):
+        study("standing", vary={"friction": [1, 1.0]}, out=tmp_path / "study")
     assert not (tmp_path / "study").exists()
 
 

@@ -127,6 +127,10 @@ def test_columns_are_those_the_heading_names(
         ('"Time, us","a [m/s²]"', 1e-6, "m/s2"),
         ("# Time (s) a [mm/s/s]", 1.0, "mm/s2"),
         ("t_rel,a_m_s2", 1.0, None),
+        ("Time ms,a", 1e-3, None),
+        ("timeMs,a", 1e-3, None),
+        ("Milliseconds,a m/s^2", 1e-3, None),
+        ("Time (seconds),a", 1.0, None),
         ("t_rel,a_rel", 1.0, None),
         ("t,a []", 1.0, None),
     ],
@@ -148,6 +152,11 @@ def test_units_that_a_heading_states_are_those_of_the_record(
         ("n,t,time", "does not tell which column has the times"),
         ("t,acc_g", r"units: missing, .*'acc_g' .* in g or"),
         ('t,"a, cm_s2"', r"units: missing, .* in cm/s2"),
+        ("t,acc g", r"units: missing, .*'acc g' .* in g or"),
+        ("t,acc-cm/s^2", r"units: missing, .* in cm/s2"),
+        ("t,g", r"units: missing, .*'g' .* in g or"),
+        ("t,accG", r"units: missing, .* in g or"),
+        ("time_min,a", "times are in 'min', .* expected s, ms"),
     ],
 )
 def test_a_heading_that_may_mean_two_things_is_refused(
@@ -224,6 +233,23 @@ def test_peers_many_ways_to_write_a_unit(
 ) -> None:
     record = _read(tmp_path / "a.AT2", _peer(units=units) + "1 2 3 4")
     assert record.units == understood
+
+
+@pytest.mark.parametrize(
+    ("words", "understood"),
+    [
+        ("IN UNITS: CM/S2", "cm/s2"),
+        ("UNITS = M/S/S", "m/s2"),
+        ("IN CM/SEC/SEC", "cm/s2"),
+        ("(GAL)", "gal"),
+        ("HISTORY", "g"),
+    ],
+)
+def test_peers_unit_counts_wherever_the_heading_has_it(
+    tmp_path: Path, words: str, understood: str
+) -> None:
+    text = _peer().replace("IN UNITS OF G", words) + "1 2 3 4"
+    assert _read(tmp_path / "a.AT2", text).units == understood
 
 
 @pytest.mark.parametrize(
@@ -339,7 +365,8 @@ def test_messages_count_from_when_they_were_measured(
         for index in range(4)
     ]
     swapped = [messages[index] for index in (0, 2, 1, 3)]  # by the logger
-    for each in (messages, swapped):
+    repeated = [messages[index] for index in (0, 0, 1, 1, 1, 2, 2, 3)]  # slow sensor
+    for each in (messages, swapped, repeated):
         content = _mcap(each, encoding=encoding)
         record = _read(tmp_path / "a.mcap", content, channel="/imu", field="a.1")
         assert record.times == pytest.approx([0.0, 0.01, 0.02, 0.03])

@@ -229,6 +229,17 @@ def test_what_could_not_be_used_is_refused_before_anything_moves(
     assert not (tmp_path / name).exists()
 
 
+@pytest.mark.parametrize(
+    "more", [["--lockstep"], ["--connect", "tcp/robot:7447"], ["--endpoints", "a.toml"]]
+)
+def test_what_belongs_to_the_bus_is_refused_without_one(
+    more: list[str], tmp_path: Path
+) -> None:
+    words = ["identify", "--inline", "--out", str(tmp_path / "mine.toml")]
+    answer = CliRunner().invoke(app, [*words, "--joint", JOINT, *more])
+    assert "--inline uses no bus; leave out" in str(answer.exception)
+
+
 def test_offsets_measured_for_the_file_it_replaces_stay(
     walker: Robot, tmp_path: Path
 ) -> None:

@@ -26,6 +26,8 @@ from surefoot.bench.sway_results import beside_people, sway_result, sway_since
 from surefoot.errors import UsageError
 from surefoot.sim_robot.motion import motion_law
 from surefoot.sim_robot.state_view import PlantTruth, PlatformPose
+from surefoot.simulation import Simulation
+from surefoot.stabilizer.factory import make_controller
 from tests.command import Surefoot
 
 HEIGHT_M = 0.8
@@ -126,6 +128,32 @@ def test_a_translation_is_as_large_as_the_tilt_it_is_named_by() -> None:
     )
 
 
+def test_a_fast_sine_is_measured_as_fast_as_it_is() -> None:
+    fast = Stimulus("sinus", "pitch", 0.5, frequency_hz=60.0)
+    cell = sway_cell(fast, ME, height_m=HEIGHT_M)
+    plan = cell.plan(robot="walker", overrides=())
+    sim, probe = Simulation.of_plan(plan), cell.probe()
+    rows = []
+
+    def look(_: object) -> None:
+        probe.look(sim)
+        com = sim.truth.com - 0.5 * (sim.truth.sole_left + sim.truth.sole_right)
+        tilt = 2.0 * math.asin(sim.truth.platforms[0].quat_xyzw[1])
+        rows.append((sim.time_s, tilt, math.atan2(com[0], com[2])))
+
+    sim.run(make_controller(plan.controller, plan.robot, plan.settings), on_tick=look)
+    time_s, tilt, lean = np.array(rows).T
+    counts = time_s > START_S + 2.0 / fast.frequency_hz - 1e-9
+    turn = math.tau * fast.frequency_hz * time_s[counts]
+    columns = [np.cos(turn), np.sin(turn), np.ones_like(turn), turn]
+    fits = [
+        np.linalg.lstsq(np.column_stack(columns), values[counts], rcond=None)[0]
+        for values in (tilt, lean)
+    ]
+    own = math.hypot(*fits[1][:2]) / math.hypot(*fits[0][:2])
+    assert probe.figures()["gain"] == pytest.approx(own, rel=0.05)
+
+
 @pytest.mark.parametrize(
     "wrong",
     [
@@ -141,10 +169,13 @@ def test_a_translation_is_as_large_as_the_tilt_it_is_named_by() -> None:
         {"sizes_deg": [-1.0]},
         {"sizes_deg": [math.inf]},
         {"sizes_deg": [math.nan]},
+        {"protocols": ["sinus"], "speed": 5.0},
+        {"protocols": ["transient"], "cycles": 5},
+        {"protocols": ["prts"], "frequencies_hz": [1.0]},
     ],
 )
 def test_what_cannot_be_measured_is_refused(wrong: dict[str, object]) -> None:
-    with pytest.raises(UsageError, match=r"^--\w+: (got|.* twice)|^--speed 13: "):
+    with pytest.raises(UsageError, match=r"^(--)?\w+: (got|.* twice)|^--speed 13: "):
         comtest(**wrong)  # type: ignore[arg-type]
 
 

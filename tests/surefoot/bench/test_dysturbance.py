@@ -72,6 +72,10 @@ def test_a_margin_is_found_kept_and_put_in_proportion(tmp_path: Path) -> None:
         ({"frequencies_hz": [0.0]}, "--frequencies: got 0,"),
         ({"frequencies_hz": [1.0, 600.0]}, "--frequencies: got 600 Hz, expected"),
         ({"frequencies_hz": [1e-4]}, "--frequencies: a sine is too slow; .* got"),
+        (
+            {"kinds": ["impulse"], "frequencies_hz": [1.0]},
+            "--frequencies: got a value, but only sine-displacement reads it",
+        ),
         ({"body": "foo"}, "--body: got 'foo', expected one of"),
         ({"directions_deg": [float("nan")]}, "--directions: got"),
         ({"controllers": ["me"]}, "me"),

@@ -66,6 +66,20 @@ def test_plots_name_things_without_their_folders(name: str, shown: str) -> None:
     assert short_name(name) == shown
 
 
+def test_curves_are_over_numbers_where_lists_are_varied_too(tmp_path: Path) -> None:
+    pytest.importorskip("matplotlib")
+    name = "sensors.force_bias_n"
+    groups = {
+        Group("standing", ((name, bias),), "hold", "ideal"): GroupSummary(
+            runs=1, up=1, up_from=0.2, up_to=1.0
+        )
+        for bias in (5.0, (0.0, 0.0, 5.0))
+    }
+    (curve,) = curves_over(groups, scenario="standing", name=name)
+    assert curve.levels == (5.0,)
+    write_summary(tmp_path, groups)
+
+
 def test_plots_keep_apart_what_only_folders_tell_apart(tmp_path: Path) -> None:
     pytest.importorskip("matplotlib")
     laws = ("a/own.py:Law", "b/own.py:Law")

@@ -86,6 +86,7 @@ def test_runs_without_noise_are_not_held_out_by_another_seed(tmp_path: Path) -> 
     assert tuned.seen == [str(still(tmp_path))]
     assert [case.case for case in tuned.held_out] == [str(noisy)]
     better = dataclasses.replace(tuned, chosen=candidate(1, 0.5, 0.5))
+    assert "No run has a figure for com, force, so nothing" in better.words[-2]
     assert f"Not held out: {still(tmp_path)}." in better.words[-1]
     assert tuned.words[-1] == better.words[-1]
 

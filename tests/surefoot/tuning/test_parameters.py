@@ -76,6 +76,15 @@ def test_start_out_of_the_range_is_refused() -> None:
         parse_parameter("tsid.com_kp=40:80", start=START).check_start(START)
 
 
+def test_values_that_the_user_gave_are_used_to_the_last_digit() -> None:
+    one = parse_parameter("tsid.com_kp=10.00001:40", start=START)
+    assert one.used(33.33333, start=30.0) == 33.33
+    assert one.used(33.33333, start=33.33333) == 33.33333
+    assert one.used(10.00002, start=30.0) == one.low
+    choice = parse_parameter("tsid.com_kp=30,33.33333", start=START)
+    assert choice.used(33.33333, start=30.0) == 33.33333
+
+
 def test_values_of_axes_leave_the_others_as_they_are() -> None:
     texts = ("dik.k_force.z=-200:-20", "dik.k_force.yaw=-200:-20", "tsid.com_kp=10:80")
     parameters = [parse_parameter(text, start=START) for text in texts]

@@ -73,6 +73,7 @@ def test_objectives_that_nothing_has_are_refused(tmp_path: Path) -> None:
         ({"seeds": [0, 2, 0]}, "--seeds: 0 is named twice"),
         ({"objectives": []}, "--objectives: expected at least one"),
         ({"scheduler": "head"}, "expected the address of a Dask scheduler"),
+        ({"sampler_seed": -1}, "--sampler-seed -1: expected 0 to 4294967295"),
         ({"trials": 0}, "got 0 trials and 0 workers, expected 1 or more"),
         (
             {"params": ["walk.preview_steps=1:1e9"]},

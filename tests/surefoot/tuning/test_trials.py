@@ -82,6 +82,11 @@ def test_first_trial_is_the_start_and_none_is_drawn_twice(journal: Path) -> None
     assert len({tuple(v.values()) for v in values.values()}) == 5
 
 
+def test_seeds_of_later_places_stay_those_of_a_sampler(tmp_path: Path) -> None:
+    spec = spec_of(still(tmp_path), sampler_seed=2**32 - 1)
+    spec.make_sampler(1, 0)
+
+
 def test_search_gone_on_with_is_the_one_that_was_never_ended(journal: Path) -> None:
     finish(begun(journal), 2)
     gone_on = finish(begun(journal), 5)
