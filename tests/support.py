@@ -97,6 +97,14 @@ def with_rate(robot: Robot, rate_hz: float) -> Robot:
     return replace(robot, file=msgspec.structs.replace(robot.file, rate_hz=rate_hz))
 
 
+def with_late_commands(robot: Robot) -> Robot:
+    """Return a robot whose gate accepts commands however late they come."""
+    gate = msgspec.structs.replace(
+        robot.file.gate, max_loop_delay_s=None, max_command_age_s=None
+    )
+    return replace(robot, file=msgspec.structs.replace(robot.file, gate=gate))
+
+
 def with_knees(robot: Robot, share: float) -> Robot:
     """Return a robot whose knees have only this share of their torque."""
     joints = [

@@ -37,6 +37,12 @@ half the weight on each, both feet do [1]."""
 SEARCH_SHARE = 0.115
 """Least force that a lifted foot seeks, as a part of the weight. The legs of a heavy
 robot need a larger one to descend as fast [1]."""
+AHEAD_S = 0.012
+"""How far wanted normal forces of a walk are looked ahead, for each multiple of the
+default K beyond the first one. Twice the lag of a flat foot: a foot that stands on an
+edge lags more [s]."""
+SMOOTHING_S = 0.02
+"""Time over which the rate of these forces is smoothed [s]."""
 
 
 class ForceFeedback:
@@ -123,6 +129,8 @@ class ForceFeedback:
         self.lead = ground.lead_s / period_s
         self.soft_ground = SoftGround(half_sizes=half_sizes, period_s=period_s)
         self._low_passed = np.zeros(12)
+        self._smoothing = period_s / (period_s + SMOOTHING_S)
+        self._wanted = [0.0, 0.0]
         self._e = np.zeros(12)
         self._scaled = np.zeros(12)
         self.ground_twist: Array = np.zeros(12)
@@ -186,10 +194,13 @@ class ForceFeedback:
         e_F = self._e
         np.subtract(F_meas, F_id, out=e_F)
         for side, rows in enumerate(SOLE_ROWS):
+            coming = self._coming(side, F_id.item(6 * side + NORMAL))
             if not in_contact[side]:
                 e_F[rows] = 0.0
             elif self.landing[side]:
                 self._soften(e_F[rows])
+            elif self.walks:
+                e_F[6 * side + NORMAL] -= coming
         np.multiply(e_F, self.minus_K_inv, out=self._scaled)
         dynamics.mobility.dot(self._scaled, out=self.r)
         np.minimum(self.r, self._yield_limit, out=self.r)
@@ -232,6 +243,7 @@ class ForceFeedback:
             delay_ticks=ticks_of(delay_s, self._period_s),
             period_s=self._period_s,
         )
+        self._ahead = AHEAD_S * (self.stiffness - 1.0) / SMOOTHING_S
         self._firm_K_inv = -1.0 / (self.stiffness * self._k_force)
         # Stiff enough to do without the inverse, if it is not already.
         self._soft = max(0.0, self._lag_stiffness / self.stiffness - 1.0)
@@ -244,6 +256,16 @@ class ForceFeedback:
         self.inverse = max(firmness, self._least_inverse)
         lag_s = (1.0 - self.inverse) * self._lag_s
         self.lead = (self._lead_s + lag_s) / self._period_s
+
+    def _coming(self, side: int, wanted: float) -> float:
+        """Return by how much a wanted normal force will have changed soon [N].
+
+        With a stiff K the force lags behind the wanted one. In a walk the weight then
+        leaves a foot late, and the DCM goes past the other one.
+        """
+        change = wanted - self._wanted[side]
+        self._wanted[side] += self._smoothing * change
+        return self._ahead * change
 
     def _soften(self, e_F: Array) -> None:
         """Scale down the wrench error of a landing foot, in place.

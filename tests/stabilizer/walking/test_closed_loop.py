@@ -19,7 +19,7 @@ from surefoot.sim_robot.catalogue import load_scenario
 from surefoot.simulation import Simulation
 from surefoot.stabilizer.whole_body.controller import WholeBodyController
 from tests.stabilizer.closed_loop import NOISE
-from tests.support import with_knees, with_speeds
+from tests.support import with_knees, with_late_commands, with_rate, with_speeds
 
 pytestmark = pytest.mark.closed_loop
 DCM_RMS_MM, PLACEMENT_MM, ODOMETRY_M = 10.0, 10.0, 0.01
@@ -70,6 +70,14 @@ def test_knows_its_height_on_tiles_of_any_height(walker: Robot) -> None:
         error = max(error, abs(height - sim.truth.com.item(2)))
     assert not sim.result().fell
     assert error < 0.015
+
+
+def test_a_slow_loop_shifts_the_weight_in_time(walker: Robot) -> None:
+    """The stiff K that it needs lags: the DCM was off by 14 mm."""
+    slow = with_late_commands(with_rate(walker, 200.0))
+    result, _, _ = walk(slow, 7.0, velocity_m_s=0.25, start_s=0.5)
+    assert result.outcome is Outcome.WALKED, result.outcome_detail
+    assert max(result.dcm_error_max_mm or [np.inf]) < 10.0
 
 
 def test_walks_ahead_and_stands(walker: Robot) -> None:
