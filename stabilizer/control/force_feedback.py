@@ -38,9 +38,8 @@ SEARCH_SHARE = 0.115
 """Least force that a lifted foot seeks, as a part of the weight. The legs of a heavy
 robot need a larger one to descend as fast [1]."""
 AHEAD_S = 0.012
-"""How far wanted normal forces of a walk are looked ahead, for each multiple of the
-default K beyond the first one. Twice the lag of a flat foot: a foot that stands on an
-edge lags more [s]."""
+"""Look-ahead of normal forces in a walk, for each multiple of the default K beyond the
+first: three times a flat foot's lag, since one on its edge lags more [s]."""
 SMOOTHING_S = 0.02
 """Time over which the rate of these forces is smoothed [s]."""
 
@@ -193,13 +192,14 @@ class ForceFeedback:
             self._judge_stand(F_meas, in_contact)
         e_F = self._e
         np.subtract(F_meas, F_id, out=e_F)
+        shifts = self.walks and all(in_contact)
         for side, rows in enumerate(SOLE_ROWS):
             coming = self._coming(side, F_id.item(6 * side + NORMAL))
             if not in_contact[side]:
                 e_F[rows] = 0.0
             elif self.landing[side]:
                 self._soften(e_F[rows])
-            elif self.walks:
+            elif shifts:
                 e_F[6 * side + NORMAL] -= coming
         np.multiply(e_F, self.minus_K_inv, out=self._scaled)
         dynamics.mobility.dot(self._scaled, out=self.r)
@@ -260,8 +260,8 @@ class ForceFeedback:
     def _coming(self, side: int, wanted: float) -> float:
         """Return by how much a wanted normal force will have changed soon [N].
 
-        With a stiff K the force lags behind the wanted one. In a walk the weight then
-        leaves a foot late, and the DCM goes past the other one.
+        With a stiff K the force lags. The weight then leaves a foot late, and the DCM
+        of a walk goes past the other one.
         """
         change = wanted - self._wanted[side]
         self._wanted[side] += self._smoothing * change

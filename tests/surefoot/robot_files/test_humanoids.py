@@ -16,7 +16,6 @@ from surefoot.stabilizer.dynamics import Dynamics
 from surefoot.stabilizer.model import RobotModel
 from surefoot.stabilizer.stance.legs import ONE_FOOT_SHARE, one_foot_share
 from tests.humanoids import make_humanoid
-from tests.support import with_rate
 
 LEVEL_M, LEVEL_RAD = 1e-4, 1e-3
 """Tolerances, since nominal angles are written with four digits."""
@@ -78,12 +77,3 @@ def test_it_walks_untuned(name: str, tmp_path: Path) -> None:
     assert run.outcome is Outcome.WALKED
     assert run.result.steps_done is not None
     assert run.result.steps_done >= 4
-
-
-@pytest.mark.slow
-def test_it_walks_at_the_rate_of_slow_buses(tmp_path: Path) -> None:
-    """Told to load its feet when they should be loaded, it fell in four of four."""
-    robot = with_rate(make_humanoid("romeo", tmp_path).robot, 200.0)
-    run = sf.simulate(robot, "walk-flat-slow", seed=1)
-    assert run.outcome is Outcome.WALKED
-    assert max(run.result.dcm_error_max_mm or [np.inf]) < 60.0
