@@ -130,14 +130,18 @@ def test_who_first_speaks_to_a_robot_that_began_anew_belongs_to_that_run() -> No
     assert times.of("joint_command", Head(5000, 0)) == now == 7000 * 10**6
 
 
-def test_only_its_sensors_tell_that_a_robot_began_anew(tmp_path: Path) -> None:
-    file = McapFile(
-        tmp_path / "a.mcap",
+def new_file(folder: Path) -> McapFile:
+    return McapFile(
+        folder / "a.mcap",
         channels=ALL_CHANNELS,
         keys=WALKER.keys,
         attachments=[],
         raw=False,
     )
+
+
+def test_only_its_sensors_tell_that_a_robot_began_anew(tmp_path: Path) -> None:
+    file = new_file(tmp_path)
 
     def heard(name: str, *ticks: int) -> None:
         for tick in ticks:
@@ -176,13 +180,7 @@ def test_only_its_sensors_tell_that_a_robot_began_anew(tmp_path: Path) -> None:
 
 
 def test_a_foreign_tick_is_not_a_million_missing_messages(tmp_path: Path) -> None:
-    file = McapFile(
-        tmp_path / "a.mcap",
-        channels=ALL_CHANNELS,
-        keys=WALKER.keys,
-        attachments=[],
-        raw=False,
-    )
+    file = new_file(tmp_path)
     with file:
         for tick in (0, 1, 2**60, 2, 3, 7):
             data = msgpack.packb({"tick": tick, "stamp_ns": tick})
