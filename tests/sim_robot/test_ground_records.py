@@ -1,25 +1,18 @@
-"""Recorded ground in files of other programs, whole and damaged."""
+"""Recorded ground in text files of other programs, whole and damaged."""
 
 from __future__ import annotations
 
-import io
-import json
 import math
 import re
-from collections.abc import Callable
 from pathlib import Path
-from typing import Any
 
-import msgpack
 import numpy as np
 import pytest
-from mcap.writer import CompressionType, IndexType, Writer
 
-from surefoot.recording.write import LogTimes
-from surefoot.schemas.motions import STANDARD_GRAVITY, RecordedMotion
+from surefoot.schemas.motions import STANDARD_GRAVITY
 from surefoot.sim_robot.catalogue import ScenarioError
-from surefoot.sim_robot.ground_records import GroundRecord, read_record
 from surefoot.sim_robot.recorded import recorded_track
+from tests.sim_robot.ground_files import assert_refused, motion_of, read
 
 KNET = """Origin Time       2026/11/26 12:00:00
 {more}Sampling Freq(Hz) {rate}
@@ -30,24 +23,6 @@ Memo.
 {rows}
 """
 ROWS = "\n".join(8 * f"{count:9d}" for count in range(1, 26))  # two seconds
-
-
-def _motion(path: Path, **keys: object) -> RecordedMotion:
-    return RecordedMotion(axis="x", file=str(path), **keys)  # type: ignore[arg-type]
-
-
-def _read(path: Path, content: str | bytes, **keys: object) -> GroundRecord:
-    path.write_bytes(content if isinstance(content, bytes) else content.encode())
-    if path.suffix in (".csv", ".mcap"):
-        keys = {"quantity": "acceleration"} | keys
-    return read_record(_motion(path, **keys))
-
-
-def _refused(path: Path, content: str | bytes, words: str, **keys: object) -> None:
-    with pytest.raises(ScenarioError, match=words) as caught:
-        _read(path, content, **keys)
-    assert str(path) in str(caught.value)
-    assert len(str(caught.value)) < 400 + len(str(path))
 
 
 def _peer(*, units: str = "G", count: str = "4", step: str = ".5 SEC") -> str:
@@ -66,27 +41,6 @@ def _knet(
     rows: str = ROWS,
 ) -> str:
     return KNET.format(rate=rate, lasts=lasts, scale=scale, more=more, rows=rows)
-
-
-def _mcap(
-    messages: list[bytes],
-    *,
-    encoding: str = "json",
-    compression: CompressionType = CompressionType.NONE,
-    first_ns: int = 10**9,
-    times: str = "",
-    **about: Any,
-) -> bytes:
-    file = io.BytesIO()
-    writer = Writer(file, compression=compression, **about)
-    writer.start()
-    schema = writer.register_schema("imu", "jsonschema", b"{}")
-    channel = writer.register_channel("/imu", encoding, schema, {"log_time": times})
-    for index, message in enumerate(messages):
-        log_ns = first_ns + 50_000_000 * index
-        writer.add_message(channel, log_ns, message, log_ns)
-    writer.finish()
-    return file.getvalue()
 
 
 HEADING = "Time [s],Ax [m/s^2],Ay [m/s^2]\n"
@@ -115,7 +69,7 @@ COMMAS = "0,1,-1\n1,2,-2\n2,3,-3\n3,4,-4\n"
 def test_columns_are_those_the_heading_names(
     tmp_path: Path, text: str, column: str, values: list[float] | None
 ) -> None:
-    record = _read(tmp_path / "a.csv", text, column=column)
+    record = read(tmp_path / "a.csv", text, column=column)
     assert record.values.tolist() == (values or [0.5, 1.0, 1.5, 2.0])
 
 
@@ -140,7 +94,7 @@ def test_units_that_a_heading_states_are_those_of_the_record(
 ) -> None:
     between = " " if heading.startswith("#") else ","
     rows = "".join(f"{at}{between}{at * at}\n" for at in range(4))
-    record = _read(tmp_path / "a.csv", f"{heading}\n{rows}")
+    record = read(tmp_path / "a.csv", f"{heading}\n{rows}")
     assert record.times.tolist() == [per_second * at for at in range(4)]
     assert record.units == units
 
@@ -165,19 +119,21 @@ def test_a_heading_that_may_mean_two_things_is_refused(
     rows = "".join(f"{at},{at * at},1\n" for at in range(4))
     if heading.count(",") == 1 or '"' in heading:
         rows = rows.replace(",1\n", "\n")
-    _refused(tmp_path / "a.csv", f"{heading}\n{rows}", words)
+    assert_refused(tmp_path / "a.csv", f"{heading}\n{rows}", words)
     if "units" in words:
         assert (
-            _read(tmp_path / "a.csv", f"{heading}\n{rows}", units="m/s2").units is None
+            read(tmp_path / "a.csv", f"{heading}\n{rows}", units="m/s2").units is None
         )
 
 
 def test_units_that_nobody_knows_are_refused(tmp_path: Path) -> None:
-    _refused(tmp_path / "a.csv", "t [days],a\n0,1\n", r"'days', .* expected s, ms")
+    assert_refused(
+        tmp_path / "a.csv", "t [days],a\n0,1\n", r"'days', .* expected s, ms"
+    )
     path = tmp_path / "b.csv"
     path.write_text("t,a [mg]\n0,1\n1,2\n2,4\n3,8\n")
     with pytest.raises(ScenarioError, match=r"'mg', expected one of .* overrides"):
-        recorded_track(_motion(path, quantity="acceleration"))
+        recorded_track(motion_of(path, quantity="acceleration"))
 
 
 @pytest.mark.parametrize(
@@ -209,7 +165,7 @@ def test_units_that_nobody_knows_are_refused(tmp_path: Path) -> None:
 def test_a_text_says_where_it_is_no_record(
     tmp_path: Path, text: str | bytes, column: str, words: str
 ) -> None:
-    _refused(tmp_path / "a.csv", text, words, column=column)
+    assert_refused(tmp_path / "a.csv", text, words, column=column)
 
 
 @pytest.mark.parametrize(
@@ -231,7 +187,7 @@ def test_a_text_says_where_it_is_no_record(
 def test_peers_many_ways_to_write_a_unit(
     tmp_path: Path, units: str, understood: str
 ) -> None:
-    record = _read(tmp_path / "a.AT2", _peer(units=units) + "1 2 3 4")
+    record = read(tmp_path / "a.AT2", _peer(units=units) + "1 2 3 4")
     assert record.units == understood
 
 
@@ -249,7 +205,7 @@ def test_peers_unit_counts_wherever_the_heading_has_it(
     tmp_path: Path, words: str, understood: str
 ) -> None:
     text = _peer().replace("IN UNITS OF G", words) + "1 2 3 4"
-    assert _read(tmp_path / "a.AT2", text).units == understood
+    assert read(tmp_path / "a.AT2", text).units == understood
 
 
 @pytest.mark.parametrize(
@@ -263,7 +219,7 @@ def test_peers_step_and_touching_fields(
     head = _peer(step=step, count="5")
     turned = re.sub(r"(NPTS=.*?), (DT=.*)", r"\2, \1", head)
     for text in (head + body, turned + body):
-        record = _read(tmp_path / "a.AT2", text)
+        record = read(tmp_path / "a.AT2", text)
         assert record.values.tolist() == [-0.1234, -0.05678, 0.01, 0.5, -0.25]
         assert record.times[1] == pytest.approx(step_s)
 
@@ -283,15 +239,15 @@ def test_peers_step_and_touching_fields(
     ],
 )
 def test_peer_refused(tmp_path: Path, text: str, words: str) -> None:
-    _refused(tmp_path / "a.AT2", text, words)
+    assert_refused(tmp_path / "a.AT2", text, words)
 
 
 def test_units_of_the_scenario_override_those_of_the_file(tmp_path: Path) -> None:
     path = tmp_path / "a.AT2"
     path.write_text(_peer(units="FURLONGS", step=".01") + "0 1 -1 0")
     with pytest.raises(ScenarioError, match=r"furlongs.*a.AT2 says.*overrides"):
-        recorded_track(_motion(path))
-    assert recorded_track(_motion(path, units="cm/s2", drift_hz=0.0)) is not None
+        recorded_track(motion_of(path))
+    assert recorded_track(motion_of(path, units="cm/s2", drift_hz=0.0)) is not None
 
 
 NUMBERS = 25 * "0 1 2 3 0 -1 -2 -3 "
@@ -312,14 +268,14 @@ def test_ground_moves_in_the_units_of_its_record(
     for content in (text, _peer(units="GAL", step=".01", count="200") + NUMBERS):
         path = tmp_path / ("a.EW" if content.startswith("Origin") else "a.AT2")
         path.write_text(content)
-        positions.append(recorded_track(_motion(path, drift_hz=0.0)).position)
+        positions.append(recorded_track(motion_of(path, drift_hz=0.0)).position)
     np.testing.assert_allclose(positions[0], gals * positions[1], atol=1e-9)
 
 
 @pytest.mark.parametrize("before", ["", "\ufeff", "\n", "\ufeff \r\n"])
 @pytest.mark.parametrize("more", ["", "Lat. 1\nLong. 2\n"])
 def test_knet_is_told_by_its_content(tmp_path: Path, before: str, more: str) -> None:
-    record = _read(tmp_path / "a.EW", before + _knet(more=more))
+    record = read(tmp_path / "a.EW", before + _knet(more=more))
     assert record.values[:9].tolist() == [2.0] * 8 + [4.0]
     assert len(record.times) == 200
     assert record.times[-1] == pytest.approx(1.99)
@@ -339,124 +295,7 @@ def test_knet_is_told_by_its_content(tmp_path: Path, before: str, more: str) -> 
 )
 @pytest.mark.filterwarnings("error")
 def test_knet_refused(tmp_path: Path, keys: dict[str, str], words: str) -> None:
-    _refused(tmp_path / "a.EW", _knet(**keys), words)
-
-
-@pytest.mark.parametrize(
-    "stamp",
-    [
-        lambda ns: {"stamp_ns": ns},
-        lambda ns: {"stamp_ns": float(ns)},
-        lambda ns: {"stamp_ns": str(ns)},
-        lambda ns: {"header": {"stamp": {"sec": ns // 10**9, "nanosec": ns % 10**9}}},
-        lambda ns: {"header": {"stamp": {"secs": ns // 10**9, "nsecs": ns % 10**9}}},
-        lambda ns: {"header": {"stamp": {"sec": ns // 10**9, "nsec": ns % 10**9}}},
-    ],
-)
-@pytest.mark.parametrize("encoding", ["json", "msgpack"])
-def test_messages_count_from_when_they_were_measured(
-    tmp_path: Path, stamp: Callable[[int], dict[str, object]], encoding: str
-) -> None:
-    encode = (
-        msgpack.packb if encoding == "msgpack" else lambda m: json.dumps(m).encode()
-    )
-    messages = [
-        encode({"a": [-1.0, float(index)], **stamp(5 * 10**9 + 10**7 * index)})
-        for index in range(4)
-    ]
-    swapped = [messages[index] for index in (0, 2, 1, 3)]  # by the logger
-    repeated = [messages[index] for index in (0, 0, 1, 1, 1, 2, 2, 3)]  # slow sensor
-    for each in (messages, swapped, repeated):
-        content = _mcap(each, encoding=encoding)
-        record = _read(tmp_path / "a.mcap", content, channel="/imu", field="a.1")
-        assert record.times == pytest.approx([0.0, 0.01, 0.02, 0.03])
-        assert record.values.tolist() == [0.0, 1.0, 2.0, 3.0]
-
-
-GOOD = [b'{"a": 1}'] * 50
-
-
-@pytest.mark.parametrize("index_types", [IndexType.ALL, IndexType.NONE])
-def test_mcap_without_channels_in_its_summary(
-    tmp_path: Path, index_types: IndexType
-) -> None:
-    messages = [json.dumps({"a": value}).encode() for value in (0.5, 1.0, 1.5, 2.0)]
-    content = _mcap(messages, repeat_channels=False, index_types=index_types)
-    record = _read(tmp_path / "a.mcap", content, channel="imu", field="a")
-    assert record.values.tolist() == [0.5, 1.0, 1.5, 2.0]
-    _refused(tmp_path / "a.mcap", content, "it has /imu", channel="ft", field="a")
-    with pytest.raises(ScenarioError, match="no 'b'"):
-        _read(tmp_path / "a.mcap", content, channel="imu", field="b.0")
-
-
-def test_a_channel_needs_no_slash(tmp_path: Path) -> None:
-    path = tmp_path / "a.mcap"
-    slashed, plain = (
-        _read(path, _mcap(GOOD), channel=name, field="a") for name in ("/imu", "imu")
-    )
-    np.testing.assert_array_equal(slashed.values, plain.values)
-
-
-@pytest.mark.parametrize(("period_ns", "interval_s"), [(10**6, 0.05), (None, 0.07)])
-def test_times_are_simulated_ones_where_stamps_tell_how_fast_a_machine_was(
-    tmp_path: Path, period_ns: int | None, interval_s: float
-) -> None:
-    stamped = [b'{"a": 1, "stamp_ns": %d}' % (7 * 10**7 * i) for i in range(1, 50)]
-    content = _mcap(stamped, times=LogTimes(period_ns).meaning)
-    record = _read(tmp_path / "a.mcap", content, channel="imu", field="a")
-    assert np.diff(record.times) == pytest.approx(interval_s)
-
-
-@pytest.mark.parametrize(
-    ("content", "words"),
-    [
-        (b"", "is empty"),
-        (_mcap(GOOD)[:5], "cannot be read as MCAP"),
-        (_mcap(GOOD)[:8], "cannot be read as MCAP"),
-        (_mcap(GOOD)[:-100], "cannot be read as MCAP .*cut off"),
-        (_mcap([b'{"a": %s}' % (b"[" * 10**5)]), "MCAP .RecursionError"),
-        (_mcap([msgpack.packb(1)[:0]], encoding="msgpack"), "cannot be read as MCAP"),
-    ],
-)
-def test_a_damaged_mcap_is_called_that(
-    tmp_path: Path, content: bytes, words: str
-) -> None:
-    _refused(tmp_path / "a.mcap", content, words, channel="/imu", field="a")
-
-
-@pytest.mark.parametrize("compression", list(CompressionType))
-def test_no_byte_of_an_mcap_makes_a_traceback(
-    tmp_path: Path, compression: CompressionType
-) -> None:
-    sound, random = _mcap(GOOD, compression=compression), np.random.default_rng(0)
-    refused = 0
-    for _ in range(150):
-        content = bytearray(sound)
-        for at in random.integers(0, len(sound), 3):
-            content[at] = random.integers(256)
-        try:
-            _read(tmp_path / "a.mcap", bytes(content), channel="/imu", field="a")
-        except ScenarioError:
-            refused += 1
-    assert refused > 50
-
-
-@pytest.mark.parametrize(
-    ("message", "first_ns", "key", "words"),
-    [
-        (b'{"a": 1%s}' % (400 * b"0"), 0, "field", "is inf in a message"),
-        (b'{"a": NaN}', 0, "field", "is nan in a message"),
-        (b'{"a": 1}', 2**63, "channel", "stamp 9223372036854775808 ns"),
-        (b'{"a": 1, "stamp_ns": 1%s}' % (400 * b"0"), 0, "channel", "no sound clock"),
-    ],
-)
-def test_numbers_no_message_should_have(
-    tmp_path: Path, message: bytes, first_ns: int, key: str, words: str
-) -> None:
-    content = _mcap([message] * 4, first_ns=first_ns)
-    with pytest.raises(ScenarioError, match=words) as caught:
-        _read(tmp_path / "a.mcap", content, channel="/imu", field="a")
-    assert caught.value.field == key
+    assert_refused(tmp_path / "a.EW", _knet(**keys), words)
 
 
 TENTHS = [0.1 * index for index in range(100)]
@@ -487,14 +326,14 @@ def test_times_no_ground_can_follow(
     path = tmp_path / "a.csv"
     path.write_text("".join(f"{time!r},0.1\n" for time in times))
     with pytest.raises(ScenarioError, match=words) as caught:
-        recorded_track(_motion(path, quantity="velocity", **keys))
+        recorded_track(motion_of(path, quantity="velocity", **keys))
     assert caught.value.field == key
 
 
 def test_a_piece_beside_a_gap_is_taken(tmp_path: Path) -> None:
     path = tmp_path / "a.csv"
     path.write_text("".join(f"{t!r},{t!r}\n" for t in TENTHS[:50] + TENTHS[60:]))
-    track = recorded_track(_motion(path, quantity="position", to_s=4.0))
+    track = recorded_track(motion_of(path, quantity="position", to_s=4.0))
     assert len(track.position) == 4001
 
 
@@ -506,6 +345,6 @@ def test_what_is_fast_is_not_weakened(tmp_path: Path, quantity: str) -> None:
     path.write_text(
         "".join(f"{t:.9f},{v:.9f}\n" for t, v in zip(times, wave, strict=True))
     )
-    track = recorded_track(_motion(path, quantity=quantity, drift_hz=0.0))
+    track = recorded_track(motion_of(path, quantity=quantity, drift_hz=0.0))
     middle = getattr(track, quantity)[2000:8000]
     assert math.sqrt(2.0) * middle.std() == pytest.approx(1.0, abs=0.03)

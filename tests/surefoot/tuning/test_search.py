@@ -144,10 +144,11 @@ def test_search_ends_with_settings_page_and_words(tmp_path: Path) -> None:
         workers=1,
         out=out,
         objectives=["com", "effort"],
-        settings={"tsid.com_kp": 6.0, "dik.com_gain": 3.0},
+        settings={"tsid.com_kp": 6.123456, "dik.com_gain": 3.0},
         held_out_seeds=[7],
     )
     assert all(c.figures[1] > 0.0 for c in tuned.candidates)
+    assert tuned.start.values == {"tsid.com_kp": 6.123456}
     read = resolve_settings(out / "settings.toml")
     assert read == tuned.settings
     assert read.dik.com_gain == (3.0, 3.0, 3.0)
